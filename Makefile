@@ -37,7 +37,6 @@ setup: .venv/kernels .venv/schemas
 
 # Numba's kernels, compiled where they have changed. Without this, the first run compiles them.
 .venv/kernels: .venv/installed $(shell grep -rl --include='*.py' 'import njit' stixel_cli)
-	@echo "make: compiling the kernels; this takes about a minute"
 	$(BIN)/python -m stixel_cli.machine.kernels
 	@touch $@
 
@@ -78,7 +77,7 @@ bench: setup .venv/installed-for-tests
 # Every number of a study and every picture in README and docs: hours. STIXEL_DATA names a folder
 # of real data, see docs/studies.md.
 STUDIES := accuracy consistency motions robustness robustness_real rq1 rq2 rq3 thesis
-FIGURES := home_away away_figure examples moving_picture gallery terminal metric_figure
+FIGURES := home_away real_data away_figure examples moving_picture gallery terminal metric_figure
 figures: setup
 	$(BIN)/stixel study all
 	$(BIN)/python docs/studies.py $(STUDIES:%=results/%)

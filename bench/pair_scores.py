@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli import compose
+from stixel_cli.engine.progress import Progress
 from stixel_cli.evaluation.intervals import mean_interval
 from stixel_cli.experiment.assess import assess
 
@@ -74,7 +75,8 @@ def main() -> None:
         for name, files in pairs(Path(folder)).items():
             keys = ("left", "right", "calibration", "disparity")
             named = [f"source.{key}={file}" for key, file in zip(keys, files, strict=True)]
-            scores[name] = assess(compose([*needed, *named, *sys.argv[1:]])).values
+            composition = compose([*needed, *named, *sys.argv[1:]])
+            scores[name] = assess(composition, Progress()).values
     print("| pair |", " | ".join(COLUMNS), "|")
     print("|---|" + "---|" * len(COLUMNS))
     for name, values in scores.items():
@@ -82,12 +84,14 @@ def main() -> None:
         print("|", " | ".join([name, *cells]), "|")
     for key, of in WEIGHTS.items():
         counts = [values[of] for values in scores.values()]
-        shares = [100.0 * values[key] for values in scores.values()]
+        shares = [values[key] for values in scores.values()]
         pooled = sum(n * share for n, share in zip(counts, shares, strict=True)) / sum(counts)
-        (ends,) = mean_interval(pd.DataFrame({key: shares})).itertuples(index=False)
+        (ends,) = mean_interval(pd.DataFrame({key: shares}), (0.0, 1.0)).itertuples(index=False)
+        mean, low, high = (f"{100 * one:.1f}" for one in (np.mean(shares), ends.low, ends.high))
+        (name,) = (name for name, (column, _, _) in COLUMNS.items() if column == key)
         print(
-            f"{key}, %: all together {pooled:.1f} of {sum(counts)}; mean of {len(shares)} pairs "
-            f"{np.mean(shares):.1f}, 95 % interval {ends.low:.1f} to {ends.high:.1f}"
+            f"{name}: {100 * pooled:.1f} of {sum(counts)} in all; mean of {len(shares)} pairs "
+            f"{mean}, 95 % interval {low} to {high}"
         )
 
 

@@ -47,8 +47,8 @@ From the notes for this project's issue on speed, which record no revision of th
 
 - The C++ peer (gishi) takes 70 ms to match and 22 ms from disparity to stixels: 1242 × 375 px, one
   thread, block 11, without uniqueness, left-right check and speckle filter.
-- On real KITTI pairs, stixels of a public C++ program have a median error of 0.68 px, 31 % beyond
-  1 px; those of this project, at revision b473fac, 0.36 px and 16 %. That program is not named.
+- On real KITTI pairs, stixels of a public C++ program, which is not named, have a median error of
+  0.68 px, 31 % beyond 1 px. `python bench/pair_scores.py` has those of this project.
 """
 
 

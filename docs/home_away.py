@@ -81,12 +81,16 @@ def table(columns: dict[str, tuple[Runs, str]]) -> str:
 def main() -> None:
     """Replace what is between the two comments of the README."""
     data = Path(os.environ["STIXEL_DATA"])
+    seeds, lidar_away = f"({len(SEEDS)} seeds)", pandaset(data)
     text = table(
         {
-            "stixels, home": (home("stixels"), "seed"),
-            "stixels, away": (clip(data), "seed"),
-            "lidar, home": (home("lidar_64"), "seed"),
-            "lidar, away": (pandaset(data), "recording"),
+            f"stixels, home {seeds}": (home("stixels"), "seed"),
+            f"stixels, away {seeds}": (clip(data), "seed"),
+            f"lidar, home {seeds}": (home("lidar_64"), "seed"),
+            f"lidar, away ({lidar_away.frame['recording'].nunique()} cars)": (
+                lidar_away,
+                "recording",
+            ),
         }
     )
     before, rest = README.read_text(encoding="utf-8").split(BEGIN)

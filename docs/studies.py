@@ -25,6 +25,7 @@ TABLES = {
     ],
     "consistency": ["by_measurement"],
     "robustness_real": ["terms"],
+    "rq1": ["near"],
 }
 """Study to the questions whose tables are written, too: those of `accuracy` to docs/accuracy.md."""
 

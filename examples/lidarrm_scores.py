@@ -16,7 +16,6 @@ means over `ORDERS`, with the least and the greatest.
 
 import json
 import sys
-import time
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -25,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.config.compose import compose
-from stixel_cli.evaluation.contour_errors import intersections_over_unions
+from stixel_cli.evaluation.contour_errors import areas, overlaps
 from stixel_cli.geometry.pose import rectangle, world_from_target
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth
@@ -54,11 +53,11 @@ def settings_of(tracker: str) -> Any:
     return compose(chosen).configuration
 
 
-def ious(folder: Path, settings: Any, first_scan: bool, order: int) -> tuple[np.ndarray, float]:
-    """IoU (K,) of the box at each scan of the run in `folder`, and the tracker's ms per scan.
+def ious(folder: Path, settings: Any, first_scan: bool, order: int) -> tuple[np.ndarray, bool]:
+    """IoU (K,) of the box at each scan of the run in `folder`, and whether it has a start.
 
-    Without a start, the IoU is 0 and the time NaN. `order` chooses the order of the points of a
-    scan, of which `gm_mem_ekf` alone takes notice.
+    Without a start, the IoU is 0. `order` chooses the order of the points of a scan, of which
+    `gm_mem_ekf` alone takes notice.
     """
     scans = read_scans(str(folder / "scans.csv"), None, settings.measurement.range_std)
     truth = read_truth(scans, str(folder / "truth.csv"))
@@ -71,16 +70,14 @@ def ious(folder: Path, settings: Any, first_scan: bool, order: int) -> tuple[np.
         try:
             initial = start_from_scans(scans, settings.start, prior)
         except ValueError:
-            return np.zeros(len(scans)), np.nan
+            return np.zeros(len(scans)), False
     module = import_module(type(settings.tracker).__module__)
-    begin = time.perf_counter()
     track = module.track(scans, initial, prior, settings.tracker)
-    elapsed = 1e3 * (time.perf_counter() - begin) / len(scans)
     estimated = [
         world_from_target(rectangle(*state[6:8]), state[:3]) for state in [*states, *track.means]
     ]
     true = [world_from_target(truth.contours_target[0], pose) for pose in truth.target_poses_world]
-    return intersections_over_unions(np.array(estimated), np.array(true)), elapsed
+    return overlaps(areas(np.array(estimated)), areas(np.array(true))), True
 
 
 def authors_start(scans: Scans, prior: PriorShape, kind: str) -> tuple[InitialState, PriorShape]:
@@ -128,21 +125,18 @@ def without_first(scans: Scans) -> Scans:
     )
 
 
-def score(
-    runs: list[Path], settings: Any, first_scan: bool, order: int
-) -> tuple[float, float, int]:
-    """Mean IoU over all scans of all `runs`, median ms per scan, and the runs without a start."""
+def score(runs: list[Path], settings: Any, first_scan: bool, order: int) -> tuple[float, int]:
+    """Mean IoU over all scans of all `runs`, and the number of runs without a start."""
     parts = [ious(folder, settings, first_scan, order) for folder in runs]
-    times = np.array([elapsed for _, elapsed in parts])
     mean = float(np.concatenate([values for values, _ in parts]).mean())
-    return mean, float(np.nanmedian(times)), int(np.isnan(times).sum())
+    return mean, sum(not started for _, started in parts)
 
 
 def main(folder: Path) -> None:
     """Print the table."""
     rows = json.loads((folder / "rows.json").read_text(encoding="utf-8"))
-    print("| scans | tracker | published | first scan | four scans | ms per scan |")
-    print("|---|---|---|---|---|---|")
+    print("| scans | tracker | published | first scan | four scans |")
+    print("|---|---|---|---|---|")
     for scans in ("default", "sparse"):
         runs = sorted(one.parent for one in folder.glob(f"{scans}-*/scans.csv"))
         for tracker, name in TRACKERS.items():
@@ -153,15 +147,12 @@ def main(folder: Path) -> None:
                 found = [score(runs, settings, first_scan, order) for order in orders]
                 values = [one[0] for one in found]
                 cell = f"{np.mean(values):.3f}"
-                if found[0][2]:
-                    cell += f" ({found[0][2]} of {len(runs)} not started)"
+                if found[0][1]:
+                    cell += f" ({found[0][1]} of {len(runs)} not started)"
                 if len(values) > 1:
                     cell += f" ({min(values):.3f}–{max(values):.3f})"
                 cells.append(cell)
-            ms = f"{found[0][1]:.1f}"
-            print(
-                f"| {scans} | `{tracker}`, {name} | {published:.3f} | {' | '.join(cells)} | {ms} |"
-            )
+            print(f"| {scans} | `{tracker}`, {name} | {published:.3f} | {' | '.join(cells)} |")
 
 
 if __name__ == "__main__":

@@ -50,8 +50,7 @@ def compose(*overrides: Overrides, last_wins: bool = False, **settings: Any) -> 
         last_wins: of several overrides of one key, take the last; else they are refused.
         settings: groups and keys without a dot as keywords.
 
-    Raises:
-        ConfigurationError: in one line, for any fault of the overrides.
+    ConfigurationError in one line, for any fault of the overrides.
 
     Example:
         >>> composition = compose("rig=kitti", {"path.duration": 2}, seed=3)
@@ -186,7 +185,8 @@ def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **setti
         >>> track(result.scans, "car").to_frame()["width"].iloc[-1].round().item()
         2.0
     """
-    from stixel_cli.border import TYPED, imported
+    from stixel_cli.experiment.table import TABLE
+    from stixel_cli.own_code import loaded
     from stixel_cli.tracking.start_scans import start_from_scans
 
     chosen = {"prior": prior, "tracker": tracker, "start": "scans"} | settings
@@ -194,8 +194,7 @@ def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **setti
         chosen["tracker.seen_by"] = "file"
     configuration = compose(chosen, last_wins=True).configuration
     initial = start_from_scans(scans, configuration.start, configuration.prior)
-    module = type(configuration.tracker).__module__.removesuffix("_parameters")
-    track_of = imported(module, TYPED).track
+    track_of = loaded(TABLE["track"].functions[configuration.tracker.kind])
     return track_of(scans, initial, configuration.prior, configuration.tracker)
 
 

@@ -35,15 +35,13 @@ class OpenedPage:
 
     def settle(self) -> None:
         """Wait for two frames: observers of sizes, by which charts are drawn, have run by then."""
-        self.page.evaluate(
-            "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-        )
+        frame = "requestAnimationFrame"
+        self.page.evaluate(f"new Promise(done => {frame}(() => {frame}(done)))")
 
     def overflow(self) -> int:
         """By how many px the page is wider than the window; 0 if it fits."""
-        return self.page.evaluate(
-            "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-        )
+        root = "document.documentElement"
+        return self.page.evaluate(f"{root}.scrollWidth - {root}.clientWidth")
 
 
 @pytest.fixture(scope="session")
@@ -54,9 +52,8 @@ def browser() -> Iterator[Any]:
         pytest.skip(f"no browser is installed: none of {', '.join(NAMES)} is found")
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(
-            executable_path=program, args=["--no-sandbox", "--disable-dev-shm-usage"]
-        )
+        options = ["--no-sandbox", "--disable-dev-shm-usage"]
+        started = driver.chromium.launch(executable_path=program, args=options)
         try:
             yield started
         finally:
@@ -91,21 +88,18 @@ def open_page(browser) -> Iterator[Callable[..., OpenedPage]]:
         opened = OpenedPage(page)
         all_opened.append(opened)
         say = opened.problems.append
-        page.on(
-            "console",
-            lambda said: (
-                say(f"{said.type}: {said.text}") if said.type in ("error", "warning") else None
-            ),
-        )
+
+        def on_console(said):
+            if said.type in ("error", "warning"):
+                say(f"{said.type}: {said.text}")
+
+        def on_request(asked):
+            if asked.url.partition("#")[0] != address and not asked.url.startswith("data:"):
+                say(f"request: {asked.url[:200]}")
+
+        page.on("console", on_console)
         page.on("pageerror", lambda error: say(f"thrown: {error}"))
-        page.on(
-            "request",
-            lambda asked: (
-                None
-                if asked.url.partition("#")[0] == address or asked.url.startswith("data:")
-                else say(f"request: {asked.url[:200]}")
-            ),
-        )
+        page.on("request", on_request)
         page.goto(address)
         opened.settle()
         return opened

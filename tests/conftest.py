@@ -47,6 +47,21 @@ def shared_cache(tmp_path_factory):
     return session / "cache"
 
 
+@pytest.fixture
+def told(capsys):
+    """Runs a command that ends with `code`, and returns its output; of code 2, its error."""
+    from stixel_cli.cli.app import main
+
+    def told(*words, code=0):
+        capsys.readouterr()
+        found = main([*map(str, words)])
+        output, error = capsys.readouterr()
+        assert found == code, error
+        return error if code == 2 else output
+
+    return told
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _nothing_of_the_user(shared_cache, tmp_path_factory):
     """Neither the user's cache nor `results` of this clone, for fixtures of any scope, too."""
@@ -77,7 +92,7 @@ def _runs_of_test(request, _runs_of_module):
 
 def pytest_collection_modifyitems(items):
     """The longest tests first: at the end, the other worker would wait for them."""
-    long = ("bench", "filament", "tutorials", "tune", "reruns", "result_folder", "sweep_failures")
+    long = ("bench", "filament", "tutorials", "tune", "result_folder", "sweep_failures")
     long += ("dask", "verdict", "mlflow_folder")
     items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in long)
     items.sort(key=lambda item: item.path.name != "test_bench.py")

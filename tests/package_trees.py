@@ -12,7 +12,5 @@ PACKAGE = Path(stixel_cli.__file__).parent
 @cache
 def trees() -> dict[str, ast.Module]:
     """Each module's path within the package, and its tree."""
-    return {
-        path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
-        for path in sorted(PACKAGE.rglob("*.py"))
-    }
+    files = sorted(PACKAGE.rglob("*.py"))
+    return {f.relative_to(PACKAGE).as_posix(): ast.parse(f.read_text("utf-8")) for f in files}

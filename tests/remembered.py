@@ -72,9 +72,8 @@ def remembered(function: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]
 
     @cache
     def result(*arrays: tuple[bytes, tuple[int, ...], str]) -> np.ndarray:
-        return function(
-            *(np.frombuffer(data, form).reshape(shape).copy() for data, shape, form in arrays)
-        )
+        copies = [np.frombuffer(data, form).reshape(shape).copy() for data, shape, form in arrays]
+        return function(*copies)
 
     @wraps(function)
     def of_arrays(*arrays: np.ndarray) -> np.ndarray:

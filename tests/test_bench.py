@@ -70,7 +70,7 @@ def test_every_pair_of_the_scores_can_be_assessed(monkeypatch, capsys):
     main = runpy.run_path(str(BENCH / "pair_scores.py"))["main"]
     found = []
 
-    def assessed(composition):
+    def assessed(composition, progress):
         found.append(composition.configuration.source.disparity)
         return SimpleNamespace(values=defaultdict(lambda: 0.1 * len(found)))
 

@@ -80,15 +80,10 @@ def links(folder):
     (folder / "lost").symlink_to("nowhere")
     (folder / "folder").mkdir()
     (folder / "file").write_text("")
-    return {
-        "fifo": "not a regular file",
-        "zero": "not a regular file",
-        "null": "not a regular file",
-        "circle": "Too many levels of symbolic links",
-        "lost": "lost is missing",
-        "folder": "cannot be read: Is a directory",
-        "file/below": "cannot be read: Not a directory",
-    }
+    said = dict.fromkeys(("fifo", "zero", "null"), "not a regular file")
+    said |= {"circle": "Too many levels of symbolic links", "lost": "lost is missing"}
+    said |= {"folder": "cannot be read: Is a directory"}
+    return said | {"file/below": "cannot be read: Not a directory"}
 
 
 @pytest.mark.parametrize("read", [read_text, read_json, read_yaml, read_arrays])
@@ -117,45 +112,32 @@ def test_too_many_values_and_a_file_that_is_larger_than_it_says_are_refused(tmp_
 
 
 DEEP = 100_000
+NO_JSON = ["[" * DEEP, '{"a":' * DEEP, '{"a": 1' + "0" * 5000 + "}", '{"a": 1, "a": 2}', ""]
+NOT_FINITE = ['{"a": 1e400}', '{"a": -Infinity}', '{"a": NaN}', f'{{"a": {10**400}}}']
 JSON = {
-    "[" * DEEP: "not valid JSON",
-    '{"a":' * DEEP: "not valid JSON",
-    '{"a": ' + "[" * 60 + "]" * 60 + "}": "nested more than 50 levels deep",
-    '{"a": 1e400}': "a: not a finite number",
-    '{"a": -Infinity}': "a: not a finite number",
-    '{"a": NaN}': "a: not a finite number",
-    '{"a": 1' + "0" * 400 + "}": "a: not a finite number",
-    '{"a": 1' + "0" * 5000 + "}": "not valid JSON",
-    '{"a": ["\\ud800"]}': "a: not valid text",
-    '{"\\ud800": 1}': "a name: not valid text",
-    '{"a": 1, "a": 2}': "not valid JSON",
-    "[1]": "must map names to values, not be a list",
-    "3": "must map names to values, not be a int",
-    "": "not valid JSON",
+    "not valid JSON": NO_JSON,
+    "nested more than 50 levels deep": ['{"a": ' + "[" * 60 + "]" * 60 + "}"],
+    "a: not a finite number": NOT_FINITE,
+    "a: not valid text": ['{"a": ["\\ud800"]}'],
+    "a name: not valid text": ['{"\\ud800": 1}'],
+    "must map names to values, not be a list": ["[1]"],
+    "must map names to values, not be a int": ["3"],
 }
+CIRCLES = ["a: &a [*a]", "a: &a [1]\nb: &a [*a]", "a: &a {<<: *a}"]
+NO_YAML = ["!!python/object/apply:os.getcwd []", "{[1]: 2}", "a: \x07", "a: 1\n---\nb: 2"]
 YAML = {
-    "[" * DEEP: "nested more than 50 levels deep",
-    "{a: " * DEEP: "nested more than 50 levels deep",
-    "- " * DEEP: "nested more than 50 levels deep",
-    "? " * DEEP: "nested more than 50 levels deep",
-    "a: &a [*a]": "*a: an alias of itself, or of nothing",
-    "a: &a [1]\nb: &a [*a]": "*a: an alias of itself, or of nothing",
-    "a: &a {<<: *a}": "*a: an alias of itself, or of nothing",
-    "a: *b": "*b: an alias of itself, or of nothing",
-    "a: .inf": "a: not a finite number",
-    "a: .nan": "a: not a finite number",
-    "a: 1" + "0" * 400: "a: not a finite number",
-    "a: 1" + ":0" * 10**6: "a number of 2000001 characters",
-    'a: "\\ud800"': "line 1: found invalid Unicode character escape code",
-    "a: 1\n'a': 2": "line 2: a: is given twice",
-    "a: {b: {c: 1}, d: [b], b: 2}": "line 1: b: is given twice",
-    "a: !!set {b}": "a: a set: must be",
-    "a: !!binary AAAA": "a: a bytes: must be",
-    "!!python/object/apply:os.getcwd []": "not valid YAML",
-    "{[1]: 2}": "not valid YAML",
-    "a: [": "line 2: did not find expected node content: not valid YAML",
-    "a: \x07": "not valid YAML",
-    "a: 1\n---\nb: 2": "not valid YAML",
+    "nested more than 50 levels deep": [text * DEEP for text in ("[", "{a: ", "- ", "? ")],
+    "*a: an alias of itself, or of nothing": CIRCLES,
+    "*b: an alias of itself, or of nothing": ["a: *b"],
+    "a: not a finite number": ["a: .inf", "a: .nan", f"a: {10**400}"],
+    "a number of 2000001 characters": ["a: 1" + ":0" * 10**6],
+    "line 1: found invalid Unicode character escape code": ['a: "\\ud800"'],
+    "line 2: a: is given twice": ["a: 1\n'a': 2"],
+    "line 1: b: is given twice": ["a: {b: {c: 1}, d: [b], b: 2}"],
+    "a: a set: must be": ["a: !!set {b}"],
+    "a: a bytes: must be": ["a: !!binary AAAA"],
+    "line 2: did not find expected node content: not valid YAML": ["a: ["],
+    "not valid YAML": NO_YAML,
 }
 
 
@@ -166,16 +148,16 @@ def bomb(entry):
     return "\n".join(lines)
 
 
-YAML[bomb("[{}]".format)] = "more than 4000000 values, aliases expanded"
-YAML[bomb("{{<<: [{}]}}".format)] = "more than 4000000 values, aliases expanded"
+BOMBS = [bomb(entry.format) for entry in ("[{}]", "{{<<: [{}]}}")]
+YAML["more than 4000000 values, aliases expanded"] = BOMBS
+TEXTS = [(read_json, said, text) for said, texts in JSON.items() for text in texts]
+TEXTS += [(read_yaml, said, text) for said, texts in YAML.items() for text in texts]
 
 
 @pytest.mark.parametrize(
-    ("read", "text", "said"),
-    [(read_json, *case) for case in JSON.items()] + [(read_yaml, *case) for case in YAML.items()],
-    ids=lambda value: ascii(value)[:30] if isinstance(value, str) else value.__name__,
+    ("read", "said", "text"), TEXTS, ids=lambda one: ascii(getattr(one, "__name__", one))[:30]
 )
-def test_texts_that_would_break_a_parser(tmp_path, read, text, said):
+def test_texts_that_would_break_a_parser(tmp_path, read, said, text):
     file = tmp_path / "file"
     file.write_text(text)
     assert said in refused(read, file)

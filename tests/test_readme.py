@@ -19,10 +19,8 @@ from stixel_cli.config.overrides import check_overrides, read_overrides
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = sorted((ROOT / "docs").glob("*.md"))
-RUNS = [
-    shlex.split(line, comments=True)[1:]
-    for line in re.findall(r"^stixel (?:run|sweep) .*$", README, flags=re.MULTILINE)
-]
+LINES = re.findall(r"^stixel (?:run|sweep) .*$", README, flags=re.MULTILINE)
+RUNS = [shlex.split(line, comments=True)[1:] for line in LINES]
 
 
 def test_there_are_examples_that_take_no_other_runs_along_and_every_study():
@@ -76,8 +74,7 @@ def test_the_method_fits_on_one_screen_and_gives_the_bytes_of_the_cached_run(tmp
         for field in fields(ours):
             a, b = getattr(ours, field.name), getattr(theirs, field.name)
             if isinstance(a, np.ndarray):
-                assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes()), (
-                    field.name
-                )
+                same = (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+                assert same, field.name
             else:
                 assert a == b, field.name

@@ -16,15 +16,11 @@ def result():
 
 
 def stepped(scans, tracker, count=None):
-    return [
-        tracker.step(
-            scans.points_world[scans.rows(k)],
-            scans.covariances_world[scans.rows(k)],
-            scans.sensor_poses_world[k],
-            scans.times[k],
-        )
-        for k in range(len(scans) if count is None else count)
-    ]
+    poses, found = scans.sensor_poses_world, []
+    for k in range(len(scans) if count is None else count):
+        seen = scans.points_world[scans.rows(k)], scans.covariances_world[scans.rows(k)]
+        found.append(tracker.step(*seen, poses[k], scans.times[k]))
+    return found
 
 
 @pytest.mark.parametrize("road_user", ["car", "unknown"])
@@ -81,12 +77,8 @@ def test_a_wrong_argument_is_named_in_one_line(name, arguments):
 )
 def test_a_wrong_scan_is_named_in_one_line(name, changes):
     tracker = trackers.Contour(start=POSE)
-    scan = {
-        "points": [[0.0, 9.0], [1.0, 9.0]],
-        "covariances": np.tile(0.01 * np.eye(2), (2, 1, 1)),
-        "sensor_pose": [0.0, 0.0, np.pi / 2],
-        "time": 0.0,
-    }
+    scan = {"points": [[0.0, 9.0], [1.0, 9.0]], "covariances": np.tile(0.01 * np.eye(2), (2, 1, 1))}
+    scan |= {"sensor_pose": [0.0, 0.0, np.pi / 2], "time": 0.0}
     tracker.step(**scan)
     with pytest.raises(ArgumentError, match=rf"^{name}: [^\n]+$"):
         tracker.step(**(scan | changes))

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from stixel_cli.answers.runs import FOLDER, STATUS, Answer
+from stixel_cli.answers.runs import FOLDER, LONGEST_NAME, MEAN, MINUS, STATUS, Answer
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.intervals import LEAST_UNITS, Bounds, mean_interval
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
@@ -29,8 +29,6 @@ from stixel_cli.results.result import DONE, read_series
 _LETTERS, _MARK, _LINE, _ROW = 13.0, 7, 0.16, 2.25
 """Letters of a legend to an inch; the room of its marks, in letters; heights of a line and of a
 panel, in."""
-_NAME = 26
-"""Letters of a line of an option's name."""
 DASHES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v")
 
@@ -214,11 +212,10 @@ def errors_of_runs(answer: Answer) -> dict[str, dict[Any, list[tuple[np.ndarray,
     They are of the scenarios and units that the means are over. {} without folders, with too many
     of them, or if a file cannot be read.
     """
-    runs = answer.runs[answer.runs[STATUS] == DONE]
+    runs, options = answer.runs, answer.order[:MOST_LINES]
     balanced = runs["scenario"].isin(answer.scenarios) & runs["unit"].isin(answer.values.index)
-    runs = runs[balanced]
-    options = answer.order[:MOST_LINES]
-    if FOLDER not in runs or len(runs[runs["option"].isin(options)]) > MOST_READ:
+    runs = runs[balanced & runs["option"].isin(options) & (runs[STATUS] == DONE)]
+    if FOLDER not in runs or len(runs) > MOST_READ:
         return {}
     found: dict[str, dict[Any, list[tuple[np.ndarray, Series]]]] = {}
     for option in options:
@@ -319,37 +316,36 @@ def differences(
     left out, and those after the first `MOST_ROWS`. Returns what `write` makes of the figure.
     """
     order = [option for option in answer.order if option in answer.values][:MOST_ROWS]
-    table, values = answer.table.loc[order], answer.values[order]
+    table, values = answer.table.loc[order], answer.values[order].to_numpy()
     # Without intervals nothing is compared.
     paired = bool(table["minus_low"].notna().any())
-    names = [fill(f"{_mark(answer, option)} {option}".strip(), _NAME) for option in order]
+    names = [fill(f"{_mark(answer, option)} {option}".strip(), LONGEST_NAME) for option in order]
     longest = max((len(line) for name in names for line in name.split("\n")), default=0)
     lines = max((1 + name.count("\n") for name in names), default=1)
     with style.drawing({"axes.spines.left": False, **style.LEGIBLE}):
         height = (1 + paired) * (0.7 + 0.2 * lines * len(order))
         figure = style.new_figure(style.NARROW, height)
         sides = figure.subplots(1 + paired, sharey=True, squeeze=False)[:, 0]
-        for place, option in enumerate(order):
-            row, own = table.loc[option], values[option]
-            sides[0].plot(own, np.full(len(own), place), ".", color=style.UNUSED, markersize=4.0)
-            _bar(sides[0], place, *row[["mean", "low", "high"]])
-            if paired and np.isfinite(row["minus"]):
-                _bar(sides[1], place, *row[["minus", "minus_low", "minus_high"]])
+        places = np.arange(len(order))
+        sides[0].plot(values.T, places, ".", color=style.UNUSED, markersize=4.0)
+        for axes, (mean, *ends) in zip(sides, (MEAN, MINUS), strict=False):
+            known = table[ends].notna().all(axis=1)
+            low, high = table.loc[known, ends].to_numpy().T
+            axes.hlines(places[known], low, high, color=_COLOUR, linewidth=1.4)
+            axes.plot(table[mean], places, "o", color=_MIDDLE, markersize=4.0)
         sides[0].set_xlabel(answer.question.row.heading)
-        if _is_flattened(answer, values.to_numpy()):
+        if _is_flattened(answer, values):
             sides[0].set_xscale("log")
             sides[0].xaxis.set_major_formatter("{x:g}")
         if paired:
-            reference = answer.question.reference
-            of, word = (answer.best, "best") if reference is None else (reference, "reference")
-            of = of if len(str(of)) <= _NAME else f"the {word}"
-            sides[1].set_xlabel(f"{answer.question.row.heading}, minus {of}", loc="right")
+            minus = f"{answer.question.row.heading}, minus {answer.against}"
+            sides[1].set_xlabel(minus, loc="right")
             sides[1].axvline(0.0, color=style.TRUTH, linewidth=0.9)
         sides[0].set_yticks(range(len(order)), names)
         sides[0].set_ylim(len(order) - 0.4, -0.6)
         for axes in sides:
             if axes.get_xscale() == "linear":
-                axes.locator_params("x", nbins=3 if longest > _NAME // 2 else 5)
+                axes.locator_params("x", nbins=3 if longest > LONGEST_NAME // 2 else 5)
             axes.tick_params("y", length=0.0)
             axes.grid(True, axis="x")
         style.place(figure, sides)
@@ -405,12 +401,6 @@ def _mark(answer: Answer, option: object) -> str:
     if option == answer.best:
         return BEST if answer.shown else TIED
     return "" if answer.excludes_zero(option) else TIED
-
-
-def _bar(axes: Axes, place: float, mean: float, low: float, high: float) -> None:
-    if np.isfinite(low):
-        axes.plot([low, high], [place] * 2, color=_COLOUR, linewidth=1.4)
-    axes.plot(mean, place, "o", color=_MIDDLE, markersize=4.0)
 
 
 def _is_flattened(answer: Answer, values: np.ndarray) -> bool:

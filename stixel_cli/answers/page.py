@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli.answers import figures, render
-from stixel_cli.answers.figures import SHARES, error_curves, over_time
 from stixel_cli.answers.runs import ERROR, FOLDER, STATUS, Answer, Runs, combined, with_key
 from stixel_cli.errors import UserError, counted
 from stixel_cli.evaluation.metric_table import METRICS, metric
@@ -88,7 +87,7 @@ def asked_runs(
     return Asked(f"Comparison of {len(read)} runs", runs, answers, [*warnings(read), *remarks])
 
 
-MOST_CELLS = 400
+MOST_CELLS = 4000
 """Most cells of the table of scenarios; more are in the table of runs."""
 
 
@@ -100,9 +99,9 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
         command: that writes it.
     """
     runs, answers = asked.runs, asked.answers
-    first, axes = answers[0], _axis_answers(runs, answers[0])
-    curves = over_time(first)
-    times = "share of the run" if any(t is SHARES for t, _ in curves.values()) else "t (s)"
+    first, curves = answers[0], figures.over_time(answers[0])
+    is_share = any(times is figures.SHARES for times, _ in curves.values())
+    times = "share of the run" if is_share else "t (s)"
     states = runs.frame[STATUS].value_counts().items()
     return page_template(__package__, "answers.html").render(
         title=asked.title,
@@ -118,16 +117,12 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
         ],
         notes=[*first.notes, *asked.remarks],
         player=links.get(str(asked.player), ""),
-        cells=render.overview(answers),
+        cells=render.overview(answers, paired=True),
         worst=worst_runs(first, links),
         explanation=render.explanation(answers),
         scenarios=_scenarios(first),
-        axes=[
-            (one.question.named, one.sentence, drawing_for_page(drawn, f"a{i}"))
-            for i, one in enumerate(axes)
-            if (drawn := figures.over_axis(one)) is not None
-        ],
-        over_time=error_curves(curves, x=times),
+        axes=_axes(runs, first),
+        over_time=figures.error_curves(curves, x=times),
         data=json_in_html(_table(runs, first, links)),
         linked=bool(links),
         origin=asked.origin,
@@ -135,40 +130,39 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
     )
 
 
-def _axis_answers(runs: Runs, answer: Answer) -> list[Answer]:
-    """The answers of each axis alone, within all others; of the same metric."""
-    question = answer.question
-    own = [name for name in runs.axes if name not in question.over]
-    return [
-        runs.ask(compare=name, over=question.over, metric=question.metric, better=question.better)
-        for name in own
-        if runs.frame[name].nunique() > 2
-    ]
+def _axes(runs: Runs, answer: Answer) -> list[tuple[str, str, dict[str, Any]]]:
+    """Name, answer and figure of each axis of numbers alone, within all others."""
+    question, found = answer.question, []
+    parts = {"over": question.over, "metric": question.metric, "better": question.better}
+    for name in runs.axes:
+        if name not in (*question.over, runs.frame.index.name) and runs.frame[name].nunique() > 2:
+            one = runs.ask(compare=name, **parts)
+            if (drawn := figures.over_axis(one)) is not None:
+                found.append((name, one.sentence, drawing_for_page(drawn, f"a{len(found)}")))
+    return found
 
 
 def worst_runs(answer: Answer, links: Mapping[str, str]) -> list[tuple[str, str]]:
     """Name and link of the worst run of the option of each row; ("", "") without one."""
-    worst = answer.worst
-    rows = []
-    for option in answer.order:
-        if option not in worst.index:
-            rows.append(("", ""))
-            continue
-        run = worst.loc[option]
-        keys = (*answer.question.within, *answer.question.over)
+    keys, found = (*answer.question.within, *answer.question.over), {}
+    for option, run in answer.worst.iterrows():
         named = " ".join(with_key(name, run[name]) for name in keys)
         value = number(run["value"]) if run[STATUS] == DONE else run[STATUS]
-        rows.append((f"{value} ({named})" if named else value, links.get(str(run.get(FOLDER)), "")))
-    return rows
+        link = links.get(str(run.get(FOLDER)), "")
+        found[option] = (f"{value} ({named})" if named else value, link)
+    return [found.get(option, ("", "")) for option in answer.order]
 
 
 def _scenarios(answer: Answer) -> render.Cells | None:
-    """Means of each scenario (row) and option (column); None for one scenario, or for too many."""
+    """Means by scenario and option, the fewer ones as columns; None for one, or too many."""
     table = answer.by_scenario()[answer.order]
     if len(table) < 2 or table.size > MOST_CELLS:
         return None
     names = [s if s in answer.scenarios else f"{s} (left out)" for s in table.index]
-    table.insert(0, " ".join(answer.question.within), names, allow_duplicates=True)
+    table, first = table.set_axis(names), " ".join(answer.question.within)
+    if table.shape[1] > len(table):
+        table, first = table.T, answer.question.named
+    table.insert(0, first, [*table.index], allow_duplicates=True)
     return render.cells_of(table)
 
 
@@ -214,10 +208,9 @@ def _plain(value: Any) -> Any:
 
 def page_links(folders: Sequence[Path], page: Path, index: str) -> dict[str, str]:
     """Each run's own page, or why it failed, or else its folder, relative to that of `page`."""
-    links = {}
+    links, base = {}, page.resolve().parent
     for folder in folders:
         files = (folder / index, folder / "traceback.txt")
         target = next((file for file in files if file.exists()), folder)
-        relative = os.path.relpath(target.resolve(), page.resolve().parent)
-        links[str(folder)] = relative.replace(os.sep, "/")
+        links[str(folder)] = os.path.relpath(os.path.realpath(target), base).replace(os.sep, "/")
     return links

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from stixel_cli.answers.runs import Answer, known
+from stixel_cli.answers.runs import MEAN, MINUS, Answer, known
 from stixel_cli.errors import counted
 from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.report.metrics import number, with_interval
@@ -50,38 +50,47 @@ def cells_of(table: pd.DataFrame) -> Cells:
     return Cells(tuple(map(str, texts.columns)), rows, numbers=tuple(numbers))
 
 
-def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
+def overview(
+    answers: Sequence[Answer], intervals: int | None = None, paired: bool = False
+) -> Cells:
     """One row an option, in the order of the first answer, one column a metric.
 
     Answers must be of the same comparison. Only the first `intervals` metrics have intervals; None:
-    all. A column `failed` is added if a run has failed. The runs are those that the values are of;
-    the header of a metric says its own number if that is another.
+    all. With `paired` the first metric's differences follow it, if these have intervals. A column
+    `failed` is added if a run has failed. The runs are those that the values are of; the header of
+    a metric says its own number if that is another.
     """
-    first = answers[0]
-    failed = first.table["failed"].any()
-    used = {o: first.used * (o in first.values) for o in first.order}
-    partly = any(first.table.loc[option, "runs"] != number for option, number in used.items())
-    counts = ["runs used" if partly else "runs", *(["failed"] if failed else [])]
-    header = [first.question.named, *counts]
-    bare = [intervals is not None and i >= intervals for i in range(len(answers))]
-    for one, plain in zip(answers, bare, strict=True):
-        of = "" if one.used == first.used else f" ({counted(one.used, 'run')})"
-        interval = "" if plain or one.table["low"].isna().all() else INTERVAL
-        header.append(one.question.row.heading + of + interval)
-    values = [one.table.loc[first.order, ["mean", "low", "high"]].to_numpy() for one in answers]
-    rows, best = [], []
-    for i, option in enumerate(first.order):
-        runs, failures = first.table.loc[option, ["runs", "failed"]].astype(int).astype(str)
-        shown = f"{used[option]} of {runs}" if partly else runs
-        cells = [str(option), shown, failures][: 2 + failed]
-        marks = [False] * len(cells)
-        for one, plain, own in zip(answers, bare, values, strict=True):
-            mean, *ends = known(own[i])
-            cells.append(number(mean) if plain else with_interval(mean, *ends))
-            marks.append(one.shown and option == one.best and one.question.reference is None)
-        rows.append(tuple(cells))
-        best.append(tuple(marks))
-    return Cells(tuple(header), tuple(rows), tuple(best), tuple(range(1, len(header))))
+    first, order = answers[0], answers[0].order
+
+    def texts(one: Answer, columns: Sequence[str], sign: bool = False) -> list[str]:
+        rows = one.table.loc[order, columns].to_numpy()
+        return [with_interval(*known(row), sign=sign) for row in rows]
+
+    counts, best = first.table.loc[order], set()
+    every = [*counts["runs"].astype(str)]
+    used = [str(first.used * (option in first.values)) for option in order]
+    both = [" of ".join(one) for one in zip(used, every, strict=True)]
+    columns = [
+        (first.question.named, [*map(str, order)]),
+        ("runs", every) if used == every else ("runs used", both),
+    ]
+    if counts["failed"].any():
+        columns.append(("failed", [*counts["failed"].astype(str)]))
+    for i, one in enumerate(answers):
+        if one.shown and one.question.reference is None:
+            best.add((order.index(one.best), len(columns)))
+        heading = one.question.row.heading
+        heading += "" if one.used == first.used else f" ({counted(one.used, 'run')})"
+        if one.table["low"].notna().any() and (intervals is None or i < intervals):
+            columns.append((heading + INTERVAL, texts(one, MEAN)))
+        else:
+            columns.append((heading, [*map(number, one.table.loc[order, "mean"])]))
+        if paired and one is first and counts["minus_low"].notna().any():
+            columns.append((f"minus {one.against}{INTERVAL}", texts(one, MINUS, sign=True)))
+    header, cells = zip(*columns, strict=True)
+    marks = (tuple((i, j) in best for j in range(len(header))) for i in range(len(order)))
+    rows = tuple(zip(*cells, strict=True))
+    return Cells(header, rows, tuple(marks), tuple(range(1, len(header))))
 
 
 def explanation(answers: Sequence[Answer] = ()) -> str:

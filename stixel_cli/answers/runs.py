@@ -71,6 +71,10 @@ class Question:
 
 
 MOST_NAMED = 4
+MEAN, MINUS = ["mean", "low", "high"], ["minus", "minus_low", "minus_high"]
+"""Columns of an answer's table: of the values, and of the differences."""
+LONGEST_NAME = 32
+"""Letters of a line of an option's name in headers and figures."""
 _OPTION, _SCENARIO, _UNIT, _VALUE = "option", "scenario", "unit", "value"
 
 
@@ -160,11 +164,12 @@ class Answer:
         none = [self.name(option) for option in self.table.index.difference(self.values.columns)]
         if none and len(self.values.columns):
             found.append(f"Not compared: {_first_of(none)}, without a value.")
-        failed = self.table["failed"]
-        for option, number in failed[failed > 0].items():
-            of = counted(int(self.table.loc[option, "runs"]), "run")
+        failed = self.table[self.table["failed"] > 0]
+        if len(failed):
+            counts = failed[["failed", "runs"]].itertuples(name=None)
+            named = [f"{self.name(one)} {n} of {counted(of, 'run')}" for one, n, of in counts]
             lost = "counted as lost in the track loss rate, and in no other value"
-            found.append(f"{self.name(option)}: {number} of {of} failed, {lost}.")
+            found.append(f"Failed: {_first_of(named)}; {lost}.")
         return found
 
     @cached_property
@@ -191,14 +196,15 @@ class Answer:
             return self._named(heard) + over
         if reference is not None:
             others = [option for option in heard if option != reference]
-            parts = [f"{self.name(option)} {self._minus(option)}" for option in others]
+            parts = [f"{self.name(option)} {self._value(option, MINUS, True)}" for option in others]
             against = f"against {self.name(reference)} ({self._value(reference)})"
             return f"{_first_of(parts)} {against}{over}"
         first, second = self._named(heard[:1]), heard[1]
         same = [self.name(option) for option in heard[1:] if not self.excludes_zero(option)]
         if same:
             return f"{first}{over}{then} not shown to differ: {_first_of(same)}"
-        return f"{first} is the best{over}{then} {self.name(second)} is next, {self._minus(second)}"
+        minus = self._value(second, MINUS, True)
+        return f"{first} is the best{over}{then} {self.name(second)} is next, {minus}"
 
     @property
     def worst(self) -> pd.DataFrame:
@@ -231,6 +237,13 @@ class Answer:
 
         return latex([self], caption, label)
 
+    @property
+    def against(self) -> str:
+        """What differences are from, as the header of a column names it."""
+        reference = self.question.reference
+        of, word = (self.best, "best") if reference is None else (reference, "reference")
+        return str(of) if len(str(of)) <= LONGEST_NAME else f"the {word}"
+
     def name(self, option: object) -> str:
         """An option in a sentence: a number with its key, which tells it from the values."""
         compare = self.question.compare
@@ -239,13 +252,9 @@ class Answer:
     def _named(self, options: Sequence) -> str:
         return _first_of([f"{self.name(option)} {self._value(option)}" for option in options])
 
-    def _value(self, option: object) -> str:
-        row = self.table.loc[option]
-        return with_interval(*known(row[["mean", "low", "high"]]), self.question.row.unit)
-
-    def _minus(self, option: object) -> str:
-        ends = known(self.table.loc[option, ["minus", "minus_low", "minus_high"]])
-        return with_interval(*ends, self.question.row.unit, sign=True)
+    def _value(self, option: object, columns: Sequence[str] = MEAN, sign: bool = False) -> str:
+        values = known(self.table.loc[option, columns])
+        return with_interval(*values, self.question.row.unit, sign=sign)
 
     def excludes_zero(self, option: object) -> bool:
         """Whether the interval of an option's difference does."""

@@ -74,7 +74,7 @@ class Manifest:
 
 
 @parameters
-class Baseline:
+class FixedContour:
     """What `FIXED` rows have of a tracker: they are not of one."""
 
     name: Annotated[str, MaxLen(80)]
@@ -88,7 +88,7 @@ class Row:
     `pack` is the SHA-256 of the pack, and `fresh_of` that of the one that drew the sequences.
     """
 
-    tracker: Tracker | Baseline
+    tracker: Tracker | FixedContour
     benchmark: Sha256
     tier: Literal["scored", "rerun", "fresh", "fixed"]
     metric_version: int
@@ -100,7 +100,7 @@ class Row:
     fresh_of: Sha256 | Literal[""] = ""
 
     def check(self) -> None:
-        """Raise ValueError for columns of other lengths, an IoU, or a baseline that is none."""
+        """Raise ValueError for columns of other lengths, an IoU, or a tracker of another tier."""
         for name, column in self.scores.items():
             if len(column) != len(self.sequences):
                 raise ValueError(f"scores.{name}: must have a value for each sequence")
@@ -108,8 +108,8 @@ class Row:
             raise ValueError("scores.iou_mean: must be from 0 to 1")
         if len({*self.sequences}) < len(self.sequences):
             raise ValueError("sequences: one is given twice")
-        if isinstance(self.tracker, Baseline) != (self.tier == "fixed"):
-            raise ValueError("tracker: must be a baseline if the tier is fixed, only then")
+        if isinstance(self.tracker, FixedContour) != (self.tier == "fixed"):
+            raise ValueError("tracker: must have a name alone if the tier is fixed, only then")
 
 
 def pack(folder: Path, data: Data, machine: Mapping[str, Any], output: Path) -> dict[str, int]:

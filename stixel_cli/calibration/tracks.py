@@ -139,9 +139,8 @@ def followed(
 
 def points_at(places: np.ndarray, disparities: np.ndarray, rig: Rig) -> np.ndarray:
     """Points (n, 3) m in the camera's frame of `places` (n, 2) px with true `disparities` (n,)."""
-    rays = np.column_stack(
-        [(places - [rig.u0, rig.v0]) / [rig.focal, rig.focal_v], np.ones(len(places))]
-    )
+    beside = (places - [rig.u0, rig.v0]) / [rig.focal, rig.focal_v]
+    rays = np.column_stack([beside, np.ones(len(places))])
     return rays * rig.depth_from_disparity(disparities)[:, None]
 
 

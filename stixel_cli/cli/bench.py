@@ -86,8 +86,7 @@ def run(
 
 @app.command()
 def pack(
-    tracks: options.argument(Path, "Folder of the tracks.", "DIR"),
-    folder: Folder = FOLDER,
+    tracks: options.argument(Path, "Folder of the tracks.", "DIR"), folder: Folder = FOLDER
 ) -> int:
     """Pack a folder of tracks: tracker.json, and NAME.npz or NAME.csv for each sequence."""
     from stixel_cli.benchmark.packs import pack as write
@@ -103,10 +102,8 @@ def pack(
 
 def _check_packs(packs: Iterable[Path]) -> None:
     for file in (file for file in packs if not file.is_file()):
-        known = (
-            ", ".join(sorted(one.name for one in file.absolute().parent.glob("*.zip"))) or "none"
-        )
-        raise UserError(f"{file}: no such pack; the ZIP files there: {known}")
+        known = sorted(one.name for one in file.absolute().parent.glob("*.zip"))
+        raise UserError(f"{file}: no such pack; the ZIP files there: {', '.join(known) or 'none'}")
 
 
 @app.command()

@@ -1,6 +1,5 @@
 """`stixel describe`: explain groups, options and keys, to people and to editors."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from stixel_cli.cli import options
@@ -38,14 +37,20 @@ def describe(
       stixel describe iou_mean
       stixel describe --schema schema
     """
-    from stixel_cli.config.keys import known_keys
+    from stixel_cli.border import write_below, written
+    from stixel_cli.config.keys import known_keys, schema_files
     from stixel_cli.config.messages import unknown_key
     from stixel_cli.evaluation.metric_table import METRICS
 
     group, option = split_override(name or "")
     group = group.replace(".", "/") if group.replace(".", "/") in folders.group_options() else group
     if schema is not None:
-        _write_schemas(schema, name)
+        if name is not None:
+            raise UserError(f"--schema writes all schemas: leave out {name}")
+        files = schema_files()
+        with written(schema):
+            write_below(schema, files)
+        say(*(str(schema / file) for file in sorted(files)))
     elif name is None:
         _print_groups()
     elif name in METRICS:
@@ -61,29 +66,13 @@ def describe(
     return 0
 
 
-def _write_schemas(folder: Path, name: str | None) -> None:
-    from stixel_cli.border import write_below, written
-    from stixel_cli.config.keys import schema_files
-
-    if name is not None:
-        raise UserError(f"--schema writes all schemas: leave out {name}")
-    files = schema_files()
-    with written(folder):
-        write_below(folder, files)
-    say(*(str(folder / name) for name in sorted(files)))
-
-
 def _print_groups() -> None:
     from stixel_cli.config.keys import groups, meaning_of_group, settings_of_top
 
-    rows = [
-        (
-            name,
-            " ".join([*folders.options_of_kind(name), *_installed(name)]),
-            meaning_of_group(name),
-        )
-        for name in groups()
-    ]
+    rows = []
+    for name in groups():
+        options = " ".join([*folders.options_of_kind(name), *_installed(name)])
+        rows.append((name, options, meaning_of_group(name)))
     print_table(("group", "options (default first)", "meaning"), rows)
     say("")
     tops = [(key.name, key.default, key.meaning) for key in settings_of_top()]
@@ -95,22 +84,20 @@ def _print_group(group: str) -> None:
     from stixel_cli.config.keys import meaning_of_group, meaning_of_option
     from stixel_cli.experiment.table import readers
 
-    rows = [("read by", _listed(readers(group.replace("/", "."))))]
+    rows = [("read by", ", ".join(readers(group.replace("/", "."))) or "no stage")]
     print_table((group, meaning_of_group(group)), rows)
     say("")
-    options = [
-        (f"{group}={option}", meaning_of_option(group, option))
-        for option in folders.options_of_kind(group)
-    ]
-    print_table(("option (default first)", "meaning"), options)
+    options = folders.options_of_kind(group)
+    texts = [(f"{group}={option}", meaning_of_option(group, option)) for option in options]
+    print_table(("option (default first)", "meaning"), texts)
     say("")
     _print_keys(group, folders.default_option(group))
 
 
 def _print_option(group: str, option: str) -> None:
-    from stixel_cli.config.keys import meaning_of_option, parameters_of_own
+    from stixel_cli.config.keys import meaning_of_option
     from stixel_cli.config.messages import unknown_option
-    from stixel_cli.config.overrides import user_function
+    from stixel_cli.config.overrides import parameters_of_own, user_function
 
     if user_function(group, option):
         columns = (f"key of {group}={option}", "default", "range", "meaning")
@@ -125,13 +112,11 @@ def _print_option(group: str, option: str) -> None:
 def _print_keys(group: str, option: str) -> None:
     from stixel_cli.config.keys import keys_of_option
 
-    rows = [
-        (key.name, key.values.get(option, ""), key.meaning) for key in keys_of_option(group, option)
-    ]
-    if rows:
+    keys = keys_of_option(group, option)
+    if rows := [(key.name, key.values.get(option, ""), key.meaning) for key in keys]:
         print_table((f"key of {group}={option}", "value", "meaning"), rows)
     else:
-        say(f"{group}={option} has no keys of its own.")
+        say(f"{group}={option} has no keys.")
 
 
 def _print_key(name: str) -> None:
@@ -147,7 +132,7 @@ def _print_key(name: str) -> None:
         rows = [("range", key.range), ("default", default)]
         rows.append(("belongs to", " ".join(key.belongs_to)))
         rows.append(("of installed packages", " ".join(_installed(name))))
-        rows.append(("read by", _listed([*readers(name), *key.followers])))
+        rows.append(("read by", ", ".join([*readers(name), *key.followers]) or "no stage"))
         print_table((name, key.meaning), [row for row in rows if row[1]])
 
 
@@ -173,7 +158,3 @@ def _print_metric(name: str) -> None:
 def _installed(name: str) -> list[str]:
     """The functions of installed packages that are options of a group or values of a key."""
     return [*folders.installed_functions(name)] if name in folders.ENTRY_POINTS else []
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) or "no stage"

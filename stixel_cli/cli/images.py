@@ -128,7 +128,7 @@ def assess(
     if stixels is None:
         assessment = assessing.assess(composition, progress)
     else:
-        assessment = assessing.assess_stixels(read_stixels(stixels), composition, progress)
+        assessment = assessing.assess_stixels(read_stixels(stixels), composition)
     if json:
         names = ("values", "seconds", "rig")
         print_json({name: dict(getattr(assessment, name)) for name in names})
@@ -174,9 +174,7 @@ def new() -> None:
 
 
 @app.command()
-def tracker(
-    name: options.argument(str, "Name of its module.", "NAME"),
-) -> int:
+def tracker(name: options.argument(str, "Name of its module.", "NAME")) -> int:
     """Write NAME.py, a tracker to begin with, and its test, test_NAME.py, into this folder.
 
     Example: stixel new tracker box
@@ -237,11 +235,9 @@ def learn_shape(
     axes = {"mesh_scale": scale, "mesh_up": up, "mesh_forward": forward}
     common = [override_text(f"road_user.{name}", value) for name, value in axes.items()]
     common.append(override_text("road_user", road_user))
-    seen = {
-        SEEDS.start + i: (*common, override_text("road_user.mesh", mesh))
-        for i, mesh in enumerate(meshes)
-    }
-    size, shape = learned_class(seen.values(), seen, list(dict.fromkeys(sensor or known)))
+    drawn = [(*common, override_text("road_user.mesh", mesh)) for mesh in meshes]
+    seen, sensors = dict(enumerate(drawn, SEEDS.start)), list(dict.fromkeys(sensor or known))
+    size, shape = learned_class(drawn, seen, sensors)
     with written(output.parent):
         write_whole(output, class_text(shape))
     prior = {"road_user": str(output)}

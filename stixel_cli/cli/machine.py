@@ -52,9 +52,8 @@ def doctor(json: options.Json = False) -> int:
     if json:
         print_json({"ok": not failing, "checks": [vars(check) for check in checks]})
     else:
-        print_table(
-            ("check", "", "found"), [(check.name, check.status, check.text) for check in checks]
-        )
+        rows = [(check.name, check.status, check.text) for check in checks]
+        print_table(("check", "", "found"), rows)
         faults = [f"{check.name} fails: {check.text}" for check in failing]
         say(*(faults or ["the default experiment can run here"]))
     return 1 if failing else 0
@@ -134,19 +133,27 @@ def gc(
 
 @app.command()
 def clear(
-    yes: options.flag("--yes", "Do not ask for confirmation.") = False,
-    json: options.Json = False,
+    yes: options.flag("--yes", "Do not ask for confirmation.") = False, json: options.Json = False
 ) -> int:
     """Remove all results that no running process uses.
 
     It asks for confirmation. Without a terminal, --yes is required.
     """
-    from stixel_cli.engine.entries import collect
+    from rich.filesize import decimal
+
+    from stixel_cli.engine.entries import collect, entry_folders
 
     store = local_store()
-    if not yes and not _confirmed(store):
-        tell("nothing was removed")
-        return 1
+    if not yes:
+        if not (sys.stdin.isatty() and sys.stderr.isatty()):
+            raise UserError("this removes all results: add --yes, there is no terminal to ask at")
+        listed = entry_folders(store)
+        size = decimal(sum(entry.size for entry in listed))
+        if not typer.confirm(
+            f"remove {len(listed)} results, {size}, from {store.folder}?", err=True
+        ):
+            tell("nothing was removed")
+            return 1
     _print_collection(store, collect(store, max_size=0), "removed", json)
     return 0
 
@@ -173,21 +180,6 @@ def verify(json: options.Json = False) -> int:
         verdict = f"{len(bad)} {are} bad and recomputed when needed" if bad else "all are good"
         say(f"{store.folder}: {count} results read, {verdict}")
     return 1 if bad else 0
-
-
-def _confirmed(store: "Store") -> bool:
-    """Ask the user at the terminal for confirmation."""
-    from rich.filesize import decimal
-
-    from stixel_cli.engine.entries import entry_folders
-
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise UserError(
-            "this removes all cached results: add --yes, there is no terminal to ask at"
-        )
-    listed = entry_folders(store)
-    size = decimal(sum(entry.size for entry in listed))
-    return typer.confirm(f"remove {len(listed)} results, {size}, from {store.folder}?", err=True)
 
 
 def _print_collection(store: "Store", done: "Collection", verb: str, json: bool) -> None:

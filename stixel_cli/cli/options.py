@@ -5,6 +5,7 @@ The words are those of the files of `conf/`: no schema is read.
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from glob import escape, glob
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -46,19 +47,12 @@ def complete_folder(incomplete: str) -> list[str]:
     """Complete to result folders, and to folders that may contain them."""
     folder, slash, name = incomplete.rpartition("/")
     paths: list[str] = []
-    try:
-        # `results/` is the default parent folder.
-        places = [f"{folder}{slash}"] if incomplete else ["", "results/"]
-        for place in places:
-            with os.scandir(os.path.expanduser(place) or ".") as entries:
-                children = sorted(entry.name for entry in entries if entry.is_dir())
-            for child in children:
-                if child.startswith(name) and (name or not child.startswith(".")):
-                    path = place + child
-                    is_run = os.path.isfile(os.path.join(os.path.expanduser(path), "manifest.json"))
-                    paths.append(path if is_run else f"{path}/")
-    except OSError:
-        pass
+    # `results/` is the default parent folder.
+    for place in [f"{folder}{slash}"] if incomplete else ["", "results/"]:
+        root = os.path.expanduser(place)
+        for child in sorted(glob(f"{escape(name)}*/", root_dir=root or None)):
+            is_run = os.path.isfile(os.path.join(root, child, "manifest.json"))
+            paths.append(place + (child[:-1] if is_run else child))
     return paths
 
 
@@ -106,12 +100,10 @@ def _keys(typed: str, words: list[str]) -> list[str]:
     from stixel_cli.config.choice import compose_options
 
     line = map(split_override, "".join(f" {word}" for word in words).replace(" = ", "=").split())
-    chosen = {
-        group: option for group, option in line if option in folders.group_options().get(group, ())
-    }
-    values = dict(
-        folders.flat(compose_options(tuple(sorted(chosen.items())), folders.conf_state()).plain)
-    )
+    options = folders.group_options()
+    chosen = {group: option for group, option in line if option in options.get(group, ())}
+    choice = compose_options(tuple(sorted(chosen.items())), folders.conf_state())
+    values = dict(folders.flat(choice.plain))
     matches = [key for key in values if key.startswith(typed) and not key.endswith(".kind")]
     if len(matches) != 1:
         return [f"{key}=" for key in matches]

@@ -98,7 +98,7 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
         raise UserError(f"--output: the folder {output.parent} does not exist")
     from stixel_cli.border import write_new
     from stixel_cli.engine.progress import Progress
-    from stixel_cli.experiment.playback import folders_page
+    from stixel_cli.experiment.run import folders_page
     from stixel_cli.results.folder import PAGE, default_page, run_labels
     from stixel_cli.results.result import SWEEP_FILE
     from stixel_cli.sweeps.folder import PLAYER, SweepFolder, asked_folders, sweep_page
@@ -279,12 +279,10 @@ def _compare(folders: Sequence[Path], json: bool) -> None:
     metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
     differing = {name: values for name, values in metrics.items() if len(set(values)) > 1}
     if json:
-        answer = {
-            "folders": [str(folder) for folder in folders],
-            "settings": {k: dict(zip(labels, v, strict=True)) for k, v in settings.items()},
-            "metrics": {k: dict(zip(labels, v, strict=True)) for k, v in differing.items()},
-        }
-        print_json(answer)
+        tables = {"settings": settings, "metrics": differing}
+        for name, table in tables.items():
+            tables[name] = {k: dict(zip(labels, v, strict=True)) for k, v in table.items()}
+        print_json({"folders": [*map(str, folders)], **tables})
         return
     if differing:
         rows = []
@@ -308,11 +306,8 @@ def _provenance(run: "RunResult") -> list[tuple[str, str]]:
     from stixel_cli.results.lineage import shown_revision
 
     manifest = run.manifest
-    rows = [
-        (name, str(manifest[name]))
-        for name in ("command", "rerun_of", "created", "seconds", "seed", "workers", *OF_IMAGES)
-        if name in manifest
-    ]
+    names = ("command", "rerun_of", "created", "seconds", "seed", "workers", *OF_IMAGES)
+    rows = [(name, str(manifest[name])) for name in names if name in manifest]
     choices = " ".join(f"{group}={option}" for group, option in run.choices.items())
     rows.append(("choices", choices))
     revision = shown_revision(run.entry("git"))

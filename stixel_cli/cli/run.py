@@ -73,14 +73,9 @@ def run(
         check_results(results, name)
         print_plan(planned_run(composition), json, composition.resolved)
         return 0
-    made = record_run(
-        composition,
-        results,
-        name,
-        progress=Progress(visible=True, advice=not json),
-        on_scores=None if json else partial(print_scores, verbose),
-        rerun_of=folder,
-    )
+    progress = Progress(visible=True, advice=not json)
+    on_scores = None if json else partial(print_scores, verbose)
+    made = record_run(composition, results, name, progress, on_scores, folder)
     print_run(made, json, verbose)
     update_index(results)
     return 0

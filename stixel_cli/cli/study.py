@@ -2,7 +2,8 @@
 
 import shlex
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,24 +76,25 @@ def study(
     repeated += ["--trust-code"] if trust_code else []
     answers, codes, plans = {}, [0], {}
 
-    def failed(study: str, error: UserError) -> None:
+    @contextmanager
+    def reported(study: str) -> Iterator[None]:
         """Report a study that fails: of all studies, it stops no other."""
-        if chosen != ALL:
-            raise error
-        tell(f"{study}: {error}")
-        answers[study] = {"study": study, "complete": False, "error": str(error)}
+        try:
+            yield
+        except UserError as error:
+            if chosen != ALL or isinstance(error, Interrupted):
+                raise
+            tell(f"{study}: {error}")
+            answers[study] = {"study": study, "complete": False, "error": str(error)}
+            codes.append(0 if isinstance(error, MissingData) else error.exit_code)
 
     # Report studies that cannot run before the first one runs for minutes.
     for study in studies:
-        try:
-            plans[study] = plan_study(
-                read_study(find_file(study, study=True), trust_code), overrides
-            )
-        except UserError as error:
-            failed(study, error)
-            codes += [] if isinstance(error, MissingData) else [error.exit_code]
+        with reported(study):
+            file = read_study(find_file(study, study=True), trust_code)
+            plans[study] = plan_study(file, overrides)
     for study, plan in plans.items():
-        try:
+        with reported(study):
             own_name = plan.folder_name if name is None else name
             check_plain_name(own_name)
             command = shlex.join(["stixel", "study", study, *overrides, *repeated])
@@ -107,11 +109,6 @@ def study(
             update_index(results)
             answers[study] = _answer(asked)
             codes.append(_tell_what_is_missing(asked))
-        except Interrupted:
-            raise
-        except UserError as error:
-            failed(study, error)
-            codes.append(error.exit_code)
     if json:
         print_json({"studies": [*map(answers.get, studies)]} if chosen == ALL else answers[chosen])
     elif dry_run and plans and chosen == ALL:
@@ -170,9 +167,8 @@ def _total(plans: "Iterable[StudyPlan]") -> str:
     parts = [part for plan in plans for part in plan.sweeps]
     known = [part.plan for part in parts if part.plan is not None]
     seconds, unmeasured = estimated(known)
-    workers = known[0].executor.workers
     derived = len(parts) - len(known)
-    text = estimate_text(seconds, workers, unmeasured)
+    text = estimate_text(seconds, known[0].executor.workers, unmeasured)
     return text + (f", and without {counted(derived, 'derived sweep')}" if derived else "")
 
 
@@ -185,15 +181,7 @@ def _answer(asked: "Study") -> dict[str, Any]:
         "answer": None if asked.report is None else list(asked.report.answer),
         "notes": list(asked.plan.notes),
         "nodes": {name: asked.count(name) for name in ("computed", "cached")},
-        "sweeps": {
-            state.name: {
-                "runs": state.runs,
-                "done": state.done,
-                "folder": str(state.folder),
-                "faults": list(state.faults),
-            }
-            for state in asked.states
-        },
+        "sweeps": {one.name: vars(one) | {"folder": str(one.folder)} for one in asked.states},
     }
 
 

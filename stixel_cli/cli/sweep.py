@@ -67,14 +67,16 @@ def sweep(
         for option in (option for option, value in given.items() if value is not None):
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
         names = origin_of(resume, trust_code)
-        result = resumed_sweep(resume, words, names, True, note=tell, fail_fast=fail_fast)
+        result = resumed_sweep(resume, words, names, note=tell, fail_fast=fail_fast)
     else:
         check_results(results, name)
         plan = plan_sweep(sweep_design(words, file, trust_code, over or SEED), pictures)
         if dry_run:
             print_plan(plan, json)
             return 0
-        result = new_sweep(plan, results, name, True, tell, not json, fail_fast)
+        for note in plan.notes:
+            tell(note)
+        result = new_sweep(plan, results, name, True, fail_fast)
     _report(result, json, time.perf_counter() - started)
     update_index(results if resume is None else resume.absolute().parent)
     return 0 if result.complete else INCOMPLETE
@@ -82,21 +84,17 @@ def sweep(
 
 def _report(result: "SweepResult", json: bool, seconds: float) -> None:
     from stixel_cli.results.folder import PAGE
+    from stixel_cli.sweeps.folder import SweepFolder
 
     done = result.count("done")
     if json:
         from stixel_cli.answers.render import records
 
-        print_json(
-            {
-                "folder": str(result.folder.absolute()),
-                "complete": result.complete,
-                "nodes": {"computed": result.computed, "cached": result.cached},
-                "runs": result.records,
-                # Without a run there is nothing to ask.
-                "summary": records(result.table.answers(result.table.metrics)) if done else [],
-            }
-        )
+        # Without a run there is nothing to ask.
+        summary = records(result.table.answers(result.table.metrics)) if done else []
+        nodes = {"computed": result.computed, "cached": result.cached}
+        answer = {"folder": str(result.folder.absolute()), "complete": result.complete}
+        print_json(answer | {"nodes": nodes, "runs": result.records, "summary": summary})
     else:
         if done:
             print_answers(result)
@@ -107,7 +105,13 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
         say(result.folder if not done else result.folder / PAGE)
     sys.stdout.flush()
     if not result.complete:
-        _tell_what_is_missing(result)
+        states = Counter(run.status for run in result.runs if run.status != "done")
+        counts = ", ".join(f"{number} {status}" for status, number in states.items())
+        last = f"{states.total()} of {len(result.runs)} runs are not done: {counts}"
+        for line in (*result.faults(_MOST_SHOWN), last):
+            tell(line)
+        command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
+        print(command, file=sys.stderr)  # noqa: T201
 
 
 def print_answers(result: "SweepResult") -> None:
@@ -116,9 +120,8 @@ def print_answers(result: "SweepResult") -> None:
 
     answers = result.table.answers()
     cells = overview(answers, intervals=1)
-    say_wrapped(answers[0].sentence)
-    for note in answers[0].notes:
-        say_wrapped(note)
+    for text in (answers[0].sentence, *answers[0].notes):
+        say_wrapped(text)
     rows = [
         [f"{text} *" if mark else text for text, mark in zip(*both, strict=True)]
         for both in zip(cells.rows[:_MOST_SHOWN], cells.best, strict=False)
@@ -131,27 +134,6 @@ def print_answers(result: "SweepResult") -> None:
         say(f"{counted(more, 'more option')}: summary.md")
     if any(True in marks for marks in cells.best):
         say("*: shown to be the best")
-
-
-def _tell_what_is_missing(result: "SweepResult") -> None:
-    from stixel_cli.results.result import FAILED, SKIPPED
-    from stixel_cli.sweeps.folder import SweepFolder
-
-    lines = []
-    for status in (FAILED, SKIPPED):
-        runs = [run for run in result.runs if run.status == status]
-        for run in runs[:_MOST_SHOWN]:
-            reason = " ".join(str(run.failure).split())
-            lines.append(f"run {run.index} {status} ({run.label}): {reason}")
-        if len(runs) > _MOST_SHOWN:
-            lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
-    states = Counter(run.status for run in result.runs if run.status != "done")
-    counts = ", ".join(f"{number} {status}" for status, number in states.items())
-    last = f"{states.total()} of {len(result.runs)} runs are not done: {counts}"
-    for line in (*lines, last):
-        tell(line)
-    command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
-    print(command, file=sys.stderr)  # noqa: T201
 
 
 def tune(
@@ -184,39 +166,32 @@ def tune(
     """
     from stixel_cli.answers.render import records
     from stixel_cli.config.overrides import read_overrides
-    from stixel_cli.results.folder import check_results, new_folder, origin_of
+    from stixel_cli.results.folder import check_results, new_folder, origin_of, write_whole_folder
+    from stixel_cli.results.result import yaml_text
+    from stixel_cli.sweeps import tuning as tunings
     from stixel_cli.sweeps.run import resumed_overrides
-    from stixel_cli.sweeps.tuning import (
-        TuneRequest,
-        Tuning,
-        create,
-        label,
-        read_request,
-        write_outcome,
-    )
 
     words = options.with_workers(overrides or [], workers)
     if resume is not None:
         if over or name:
             raise UserError("--resume continues the tuning of that folder: leave out the rest")
-        request = read_request(resume)
+        request = tunings.read_request(resume)
         origin = origin_of(resume, trust_code)
         (given,) = resumed_overrides([request.overrides], words, origin)
     else:
         check_results(results, name)
         swept = (over or "seed").split(",")
-        request = TuneRequest(list(words), objective.split(","), swept, seeds, trials)
+        request = tunings.TuneRequest(list(words), objective.split(","), swept, seeds, trials)
         given = read_overrides(words, TYPED)
-    tuning = Tuning(given, request)
+    tuning, files = tunings.Tuning(given, request), {tunings.REQUEST: yaml_text(vars(request))}
     folder = resume or new_folder(
-        results, name, "tune", datetime.now(UTC), lambda path: create(path, request)
+        results, name, "tune", datetime.now(UTC), lambda path: write_whole_folder(path, files)
     )
     machine = [word for word in words if of_the_machine(word)]
-    command = ["stixel", "tune", "--resume", str(folder), *machine, *PRESETS.option]
-    command = shlex.join(command)
+    command = shlex.join(["stixel", "tune", "--resume", str(folder), *machine, *PRESETS.option])
     try:
         tuning.search(request.trials)
-        best, gain = write_outcome(folder, tuning, command)
+        best, gain = tunings.write_outcome(folder, tuning, command)
     except Interrupted:
         raise Interrupted(f"interrupted; resume with: {command}") from None
     if json:
@@ -224,7 +199,7 @@ def tune(
         print_json({"folder": str(folder.absolute()), **answer})
     else:
         for one in gain:
-            say_wrapped(f"{label(one.question.metric)}. {one.sentence}")
+            say_wrapped(f"{tunings.label(one.question.metric)}. {one.sentence}")
         chosen = " ".join(f"{key}={value}" for key, value in best.settings.items())
         say(f"trial {best.name}: {chosen}", folder)
     return 0
@@ -330,13 +305,11 @@ def explain(
         code |= lineage.code or {}
     missing = explain_nodes(plan.graph, plan.store, plan.targets, (keys, code))
     if json:
-        print_json(
-            [
-                {"key": one.key, "stage": one.stage, "node": one.label}
-                | {"why": [vars(change) | {"text": str(change)} for change in one.changes]}
-                for one in missing
-            ]
-        )
+        answer = []
+        for one in missing:
+            why = [vars(change) | {"text": str(change)} for change in one.changes]
+            answer.append({"key": one.key, "stage": one.stage, "node": one.label, "why": why})
+        print_json(answer)
         return 0
     for group, text in by_stage(missing):
         first, last = group[0].label, group[-1].label

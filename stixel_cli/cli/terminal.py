@@ -248,14 +248,9 @@ def print_table(
     """Print a table that is no wider than the screen, if its words allow that.
 
     Lines break at spaces only, so that a path or a number stays whole. Cells are printed verbatim:
-    brackets are not markup.
-
-    Args:
-        columns: the header.
-        rows: one cell per column.
-        right: indices of the right-aligned columns.
-        leave_out: indices of columns whose cells are not wrapped. If the screen is too narrow, they
-            are left out in this order, and a line names them.
+    brackets are not markup. Of the columns, by their indices, those in `right` are right-aligned,
+    and those in `leave_out` not wrapped: if the screen is too narrow, they are left out in this
+    order, and a line names them.
     """
     from rich import box
     from rich.console import Console

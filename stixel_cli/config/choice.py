@@ -4,28 +4,25 @@ Of the group `experiment`, whose files set options and values of several groups,
 Hydra's: `inner_options` and `sources`, see `conf/experiment/thesis.yaml`.
 """
 
-import json
 import re
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
-from stixel_cli.border import write_whole
 from stixel_cli.config import folders, messages
 from stixel_cli.config.folders import INNER, SOURCES
 from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.overrides import parser
 from stixel_cli.config.texts import override_text, suggestion
-from stixel_cli.engine.cache_folder import make_folder
+from stixel_cli.engine.cache_folder import keep, kept
 from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.keys import digest
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.engine.versions import installed_version
-from stixel_cli.errors import BelongsElsewhere, ConfigurationError, UserError, printable
-from stixel_cli.files import read_text, read_yaml
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError, printable
+from stixel_cli.files import read_yaml
 
 FOLDER = "configurations"
 """In the cache folder, whose cleanup knows it; of 8 kB each."""
@@ -65,18 +62,22 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
         sections = {group: folders.option_content(group, option) for group, option in alone.items()}
         return Choice(others.plain | sections, others.options | alone)
     versions = [installed_version(name) for name in ("hydra-core", "omegaconf")]
-    key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
-    file = default_cache_folder() / FOLDER / f"{_digest(key)}.json"
-    choice = _read(file)
-    if choice is None:
+    key = digest([chosen, state, versions, list(Choice.__annotations__)])
+    cache, file = default_cache_folder(), f"{key}.json"
+    if known := kept(cache, FOLDER, file):
+        choice = Choice(**known)
+    else:
         choice = _by_hydra([override_text(group, option) for group, option in chosen], state)
-        _write(file, choice)
+        # Without a cache folder it is not stored: `verify`, for example, needs none.
+        with suppress(OSError, CacheError):
+            if cache.is_dir():
+                keep(cache, FOLDER, file, asdict(choice))
     if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
         return choice
+    # Inner groups that the chosen options lack are left out.
     inner = choice.plain.get(INNER) or {}
     if not isinstance(inner, Mapping):
         raise ConfigurationError(f"{folders.EXPERIMENT}: {INNER}: must be GROUP: OPTION pairs")
-    # Inner groups that the chosen options lack are left out.
     missing = [(g, o) for g, o in inner.items() if g in choice.options and g not in dict(chosen)]
     if missing:
         return compose_options((*chosen, *missing), state)
@@ -178,36 +179,10 @@ def _not_composed(fault: Exception) -> str:
     )
 
 
-def _read(file: Path) -> Choice | None:
-    """A stored composition; None if it is missing or damaged."""
-    with suppress(UserError, OSError):
-        digest, _, text = read_text(file).partition("\n")
-        if _digest(text) == digest:
-            return Choice(**json.loads(text))
-    return None
-
-
-def _write(file: Path, choice: Choice) -> None:
-    """Store a composition, unless there is no cache folder: `verify`, for example, needs none."""
-    folder, text = file.parent.parent, json.dumps(asdict(choice))
-    with suppress(OSError, CacheError):
-        if folder.is_dir():
-            make_folder(folder, FOLDER)
-            write_whole(file, f"{_digest(text)}\n{text}")
-
-
-def _digest(text: str) -> str:
-    return sha256(text.encode()).hexdigest()
-
-
 def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """`plain` with the values of some keys replaced and all references `${KEY}` looked up.
+    """`plain`, with the `values` of keys with dots, and all references `${KEY}` looked up.
 
     OmegaConf, whose other interpolations are refused here, takes thirty times as long.
-
-    Args:
-        plain: a configuration in plain types with references as text; not changed.
-        values: keys, with dots, to their values.
 
     BelongsElsewhere for a key that the chosen options do not have. ConfigurationError for a
     reference to no key, or to itself.

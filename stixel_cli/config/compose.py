@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from stixel_cli.recordings.types import Recording
 
 
+Resolved = tuple[dict[str, Any], dict[str, str]]
+"""A configuration in plain types, and the option of each group."""
+
 _FILES = {
     "road_user": ("mesh",),
     "prior": ("road_user", "outline"),
@@ -57,63 +60,46 @@ class UserFiles:
         self._opened: dict[str, Any] = {}
         self.notes: list[str] = []
 
-    def recording(self, configuration: Configuration) -> "Recording | None":
-        """The recording or the replayed motion of a configuration; None without one.
+    def open(self, parameters: Any) -> Any:
+        """The `Recording` of a source or a replayed path, or the `Scans` of a file, by its
+        parameters. The truth of scans is checked too.
 
         UserError if a file is missing or not valid.
         """
-        if isinstance(configuration.path, ReplayedPath):
-            return self.open(configuration.path)
-        if configuration.source.kind == "rendered":
-            return None
-        recording = self.open(configuration.source)
-        parked = isinstance(configuration.ego, Parked)
-        return replace(recording, pose_files=()) if parked else recording
-
-    def open(self, parameters: Any) -> Any:
-        """The `Recording` of a source or a replayed path, or the `Scans` of a file, by its
-        parameters; errors as above. The truth of scans is checked too."""
         name = repr(parameters)
         if name not in self._opened:
-            self._opened[name] = _open(parameters, self.notes)
+            # Imported here, because most runs have no such files.
+            if isinstance(parameters, FileParameters):
+                opened = self._scans(parameters)
+            elif isinstance(parameters, ReplayedPath):
+                from stixel_cli.recordings.replay import find_replay
+
+                opened = find_replay(parameters)
+            else:
+                from stixel_cli.recordings.find import find_recording
+
+                opened = find_recording(parameters)
+            self._opened[name] = opened
         return self._opened[name]
+
+    def _scans(self, given: FileParameters) -> Any:
+        from stixel_cli.measurements.file import read_scans
+
+        if given.path is None:
+            raise UserError("measurement.path: is missing: give the scans, .csv or .npz")
+        units = {"time_unit": given.time_unit, "angle_unit": given.angle_unit}
+        others = units | {"note": self.notes.append, "road_z": given.road_z}
+        scans = read_scans(given.path, given.ego, given.range_std, **others)
+        if given.truth is not None:
+            # Shapely is imported for it.
+            from stixel_cli.measurements.file_truth import read_truth
+
+            read_truth(scans, given.truth, **units)
+        return scans
 
     def add(self, parameters: Any, opened: Any) -> None:
         """Let `parameters` also mean what is `opened`: with the frames that it has."""
         self._opened[repr(parameters)] = opened
-
-
-def _open(parameters: Any, notes: list[str]) -> Any:
-    # Imported here, because most runs have no such files.
-    if isinstance(parameters, FileParameters):
-        from stixel_cli.measurements.file import read_scans
-
-        if parameters.path is None:
-            raise UserError(
-                "measurement.path: is missing: give the file of the scans, .csv or .npz"
-            )
-        units = {"time_unit": parameters.time_unit, "angle_unit": parameters.angle_unit}
-        scans = read_scans(
-            parameters.path,
-            parameters.ego,
-            parameters.range_std,
-            **units,
-            note=notes.append,
-            road_z=parameters.road_z,
-        )
-        if parameters.truth is not None:
-            # Shapely is imported for it.
-            from stixel_cli.measurements.file_truth import read_truth
-
-            read_truth(scans, parameters.truth, **units)
-        return scans
-    if isinstance(parameters, ReplayedPath):
-        from stixel_cli.recordings.replay import find_replay
-
-        return find_replay(parameters)
-    from stixel_cli.recordings.find import find_recording
-
-    return find_recording(parameters)
 
 
 @dataclass(frozen=True)
@@ -142,8 +128,15 @@ class Composition:
 
     @property
     def recording(self) -> "Recording | None":
-        """The recording or the replayed motion, opened once; as `UserFiles.recording`."""
-        return self.files.recording(self.configuration)
+        """The recording or the replayed motion, opened once; None without one."""
+        configuration = self.configuration
+        if isinstance(configuration.path, ReplayedPath):
+            return self.files.open(configuration.path)
+        if configuration.source.kind == "rendered":
+            return None
+        recording = self.files.open(configuration.source)
+        parked = isinstance(configuration.ego, Parked)
+        return replace(recording, pose_files=()) if parked else recording
 
     def value(self, name: str) -> Any:
         """The chosen option of a group, or the value of a key in its own type; else KeyError."""
@@ -156,16 +149,11 @@ class Composition:
 
 
 def compose(overrides: Sequence[str] = (), working_directory: str = "") -> Composition:
-    """The default configuration with `overrides`, in Hydra's grammar, applied.
+    """The default configuration with `overrides`, in Hydra's grammar, as typed, applied.
 
-    It leaves no state in the process and may be called from anywhere, any number of times.
-
-    Args:
-        overrides: the changes, as typed: those of a file need a `Composer`, which knows it.
-        working_directory: the folder to which relative file names refer; "" for the working
-            directory of the process.
-
-    ConfigurationError in one line, for any fault of the overrides.
+    Overrides of a file need a `Composer`, which knows it. Relative file names refer to
+    `working_directory`, by default that of the process. ConfigurationError in one line, for any
+    fault of the overrides.
     """
     composition = Composer(working_directory).compose(read_overrides(overrides, TYPED))
     return replace(composition, resolved=copy.deepcopy(composition.resolved))
@@ -181,13 +169,11 @@ class Composer:
     """
 
     def __init__(self, working_directory: str = "", imports: bool = True):
-        self._imports = imports
+        self.working_directory, self.files, self._imports = working_directory, UserFiles(), imports
         folders.group_options.cache_clear()  # the files may have changed since, as in a notebook
-        self._working_directory = working_directory
         self._state = folders.conf_state()
         self._parts: dict[tuple[str, str], Any] = {}
         self._checked: dict[str, dict[str, dict[str, Any]]] = {}
-        self._files = UserFiles()
 
     def compose(self, overrides: Sequence[Override]) -> Composition:
         """The same as the function `compose`."""
@@ -207,9 +193,9 @@ class Composer:
         if isinstance(metrics, list) and not all(":" in str(name) for name in metrics):
             installed = folders.installed_functions("metrics")
             resolved["metrics"] = [installed.get(str(name), name) for name in metrics]
-        resolved["code_folders"] = find_folders(resolved, self._working_directory)
+        resolved["code_folders"] = find_folders(resolved, self.working_directory)
         for group in _FILES:
-            resolved[group] = with_full_names(group, resolved[group], self._working_directory)
+            resolved[group] = with_full_names(group, resolved[group], self.working_directory)
         configuration = _validate(resolved, settings)
         if self._imports and functions_of(resolved):
             own = repr([resolved[n] for n in (*GIVEN, "metrics", "code_folders")])
@@ -225,10 +211,10 @@ class Composer:
             for name, value in resolved.items()
         }
         texts = tuple(override.text for override in parsed)
-        return Composition(Configuration(**parts), choices, texts, resolved, self._files)
+        return Composition(Configuration(**parts), choices, texts, resolved, self.files)
 
-    def _resolved(self, settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
-        """The resolved configuration in plain types and the option of each group."""
+    def resolved(self, settings: Mapping[str, Any]) -> Resolved:
+        """The configuration of settings; references are looked up, recordings not opened."""
         options = {
             name: value for name, value in settings.items() if name in folders.group_options()
         }
@@ -238,25 +224,22 @@ class Composer:
         resolved.pop(folders.PACE)
         return resolved, dict(choice.options)
 
-    def _with_recording(self, typed: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
-        """The resolved configuration and its choices, completed by its recording, if it has one."""
+    def _with_recording(self, typed: Mapping[str, Any]) -> Resolved:
+        """The same, completed by the recording, if there is one."""
         if not any(folders.outermost_group(name) == "source" for name in typed):
-            resolved, choices = self._resolved(typed)
+            resolved, choices = self.resolved(typed)
             if resolved["path"]["kind"] != "recorded":
                 return resolved, choices
         # It reads files. Imported only here, because most runs have no recording.
         from stixel_cli.config.recorded import with_recording
 
-        return with_recording(typed, self._resolved, self._files, self._working_directory)
+        return with_recording(typed, self)
 
 
 def with_full_names(
     group: str, section: Mapping[str, Any], working_directory: str = ""
 ) -> Mapping[str, Any]:
-    """A resolved section in which the names of the user's files are absolute.
-
-    They refer to `working_directory`; "" for the working directory of the process.
-    """
+    """A resolved section in which the names of the user's files are absolute."""
     if is_own(section):
         return section
     words = {"road_user": not str(section.get("road_user")).endswith(".json")}

@@ -130,19 +130,15 @@ def use_presets(folder: Path | None) -> Path | None:
             )
         if option in groups[group]:
             raise ConfigurationError(f"--config-dir: {path}: {group}={option} exists; rename it")
-        _check_preset(path)
+        with located("--config-dir", ConfigurationError, UserError):
+            content = read_yaml(path)
+        for key, kind in (("defaults", list), ("inner_options", dict), ("sources", dict)):
+            if not isinstance(content.get(key, kind()), kind):
+                what = "list" if kind is list else "mapping"
+                raise ConfigurationError(f"--config-dir: {path}: {key}: must be a {what}")
     group_options.cache_clear()
     PRESETS.folder = folder.resolve()
     return folder
-
-
-def _check_preset(path: Path) -> None:
-    with located("--config-dir", ConfigurationError, UserError):
-        content = read_yaml(path)
-    for key, kind in (("defaults", list), ("inner_options", dict), ("sources", dict)):
-        if not isinstance(content.get(key, kind()), kind):
-            what = "list" if kind is list else "mapping"
-            raise ConfigurationError(f"--config-dir: {path}: {key}: must be a {what}")
 
 
 def roots() -> list[Path]:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import takewhile
-from typing import Any, get_type_hints
+from typing import Any
 
 from stixel_cli.config.annotations import (
     alternatives,
@@ -239,28 +239,6 @@ def meaning_of_option(group: str, option: str) -> str:
         schemas = [one for one in _classes_of(group) if kind in (kinds_of(one) or [kind])]
         text = inspect.getdoc(schemas[0]).splitlines()[0] if schemas else ""
     return re.split(r"\.(?= [A-Z]|$)", text)[0].strip()
-
-
-def parameters_of_own(group: str, option: str) -> list[tuple[str, str, str, str]]:
-    """Key, default, range and meaning of each parameter of a user's function.
-
-    ConfigurationError if its module cannot be imported.
-    """
-    from stixel_cli.config.overrides import GIVEN, imported_option
-    from stixel_cli.own_code import parameters_type
-
-    function, given = imported_option(group, option), GIVEN[group]
-    schema = parameters_type(function, given)
-    owner, given = (function, given) if schema is None else (schema, 0)
-    hints = get_type_hints(owner, include_extras=True)
-    texts = {} if schema is None else attribute_texts(schema)
-    rows = []
-    for name, parameter in list(inspect.signature(owner).parameters.items())[given:]:
-        required = parameter.default is parameter.empty
-        default = "required" if required else str(parameter.default)
-        words = describe(hints[name]) if name in hints else ""
-        rows.append((f"{group}.{name}", default, words, texts.get(name, "")))
-    return rows
 
 
 def settings_of_top() -> list[Key]:

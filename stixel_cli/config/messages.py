@@ -34,12 +34,9 @@ _OWN = {
 def unknown_key(
     name: str, kinds: Mapping[str, str] | None = None, others: Iterable[str] = ()
 ) -> str:
-    """Message: unknown key, with the nearest ones.
+    """Message: the key `name` is unknown, with the nearest ones; `others` are further valid names.
 
-    Args:
-        name: as typed, with dots.
-        kinds: the chosen variant of each group, if known.
-        others: further names that are valid here.
+    `kinds` has the chosen variant of each group, if known.
     """
     if name in _OTHER_KEYS:
         return f"{name}: unknown key; it is called {_OTHER_KEYS[name]}"

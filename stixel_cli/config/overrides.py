@@ -4,6 +4,7 @@ Hydra's parser is not public: the project pins Hydra. An option of tracker and m
 metric, can be the user's own function, `tracker=module:function`, with its parameters as keys.
 """
 
+import inspect
 import itertools
 import os
 import re
@@ -20,6 +21,7 @@ from typing import Any, get_type_hints
 
 from stixel_cli.border import Origin, admit
 from stixel_cli.config import messages
+from stixel_cli.config.annotations import attribute_texts, describe
 from stixel_cli.config.folders import (
     absolute,
     default_option,
@@ -122,7 +124,7 @@ def parse(text: str, origin: Origin) -> Override:
     except (HydraException, ValueError, RecursionError):
         raise ConfigurationError(_unreadable(text)) from None
     if read.package is not None or override.key == "hydra" or read.is_hydra_override():
-        fault = "packages (@) and Hydra's own settings have no effect here"
+        fault = "packages (@) and Hydra's settings have no effect here"
         raise ConfigurationError(f"{override.shown}: {fault}: leave it out")
     return override
 
@@ -241,12 +243,8 @@ def refuse_twice(overrides: Iterable[Override]) -> list[Override]:
 def check_overrides(parsed: Iterable[Override]) -> None:
     """Refuse code that a file names, and invalid overrides that Hydra accepts or reports unclearly.
 
-    Faults that depend on all overrides of a run are checked by `settings_of_run`.
-
-    Args:
-        parsed: those of a run, or the single values of those of a sweep.
-
-    ConfigurationError for the first invalid override.
+    They are those of a run, or the single values of those of a sweep. Faults that depend on all
+    overrides of a run are checked by `settings_of_run`. ConfigurationError for the first one.
     """
     parsed = list(parsed)
     admit_overrides(parsed)
@@ -461,11 +459,25 @@ def with_own_values(overrides: Sequence[str], resolved: Mapping[str, Any]) -> tu
     return (*overrides, *more)
 
 
-def imported_option(group: str, option: str) -> Any:
-    """The user's function that an option names; ConfigurationError if it cannot be imported."""
-    function = user_function(group, option)
-    folder = _folder_of(group, function, [os.getcwd()])
-    return _imported(group, function, [] if folder is None else [folder])
+def parameters_of_own(group: str, option: str) -> list[tuple[str, str, str, str]]:
+    """Key, default, range and meaning of each parameter of the user's function of an option.
+
+    ConfigurationError if its module cannot be imported.
+    """
+    name, given = user_function(group, option), GIVEN[group]
+    folder = _folder_of(group, name, [os.getcwd()])
+    function = _imported(group, name, [] if folder is None else [folder])
+    schema = parameters_type(function, given)
+    owner, given = (function, given) if schema is None else (schema, 0)
+    hints = get_type_hints(owner, include_extras=True)
+    texts = {} if schema is None else attribute_texts(schema)
+    rows = []
+    for name, parameter in list(inspect.signature(owner).parameters.items())[given:]:
+        required = parameter.default is parameter.empty
+        default = "required" if required else str(parameter.default)
+        words = describe(hints[name]) if name in hints else ""
+        rows.append((f"{group}.{name}", default, words, texts.get(name, "")))
+    return rows
 
 
 def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:

@@ -5,7 +5,7 @@ them where the user sets nothing is in `conf/recorded.yaml`.
 """
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,7 +14,7 @@ from pydantic import Field
 
 from stixel_cli.config import folders, messages
 from stixel_cli.config.choice import set_by_experiment
-from stixel_cli.config.compose import UserFiles, with_full_names
+from stixel_cli.config.compose import Composer, Resolved, with_full_names
 from stixel_cli.config.folders import real_image_parameters
 from stixel_cli.errors import ConfigurationError, located
 from stixel_cli.geometry.rig import Rig
@@ -35,37 +35,23 @@ OF_THE_MOTION = {
 
 _SCHEMAS = {"source": Annotated[Source, Field(discriminator="kind")], "path": ReplayedPath}
 
-Resolved = tuple[dict[str, Any], dict[str, str]]
-"""A configuration in plain types, and the option of each group."""
 
-
-def with_recording(
-    typed: Mapping[str, Any],
-    resolve: Callable[[Mapping[str, Any]], Resolved],
-    files: UserFiles,
-    working_directory: str,
-) -> Resolved:
-    """The resolved configuration, completed by its recording, if it has one.
-
-    Args:
-        typed: keys and groups that the user gives, with their values and options.
-        resolve: gives the configuration of keys and groups.
-        files: opens the recording.
-        working_directory: to which relative names of folders refer.
+def with_recording(typed: Mapping[str, Any], composer: Composer) -> Resolved:
+    """The resolved configuration of `typed` settings, completed by its recording, if it has one.
 
     UserError for a recording that cannot be opened, or settings that do not suit it.
     """
     settings, group = dict(typed), "source"
-    folder = typed.get("source.folder")
+    folder, working_directory = typed.get("source.folder"), composer.working_directory
     if "source" not in typed and isinstance(folder, str) and folder:
         settings["source"] = guess_layout(Path(folders.absolute(folder, working_directory)))
     # The other settings may be of options that only the recording chooses.
-    resolved, _ = resolve(
+    resolved, _ = composer.resolved(
         {k: v for k, v in settings.items() if folders.outermost_group(k) == "source"}
     )
     if resolved["source"]["kind"] == "rendered":
         group = "path"
-        resolved, choices = resolve(settings)
+        resolved, choices = composer.resolved(settings)
         if resolved["path"]["kind"] != "recorded":
             return resolved, choices
     section = dict(with_full_names(group, resolved[group], working_directory))
@@ -73,7 +59,7 @@ def with_recording(
         # A name: 0005 is text to Hydra, but 12 is a number.
         section["sequence"] = str(section["sequence"])
     given = _parameters(group, section, typed)
-    recording = files.open(given)
+    recording = composer.files.open(given)
     suitable = folders.values_beside_groups("recorded")[group]
     options = suitable["options"] | {"road_user": recording.road_user}
     if group == "source" and not recording.label:
@@ -97,9 +83,9 @@ def with_recording(
     if missing:
         raise ConfigurationError("; also ".join(missing))
     settings |= {name: value for name, value in chosen.items() if name not in fixed}
-    resolved, choices = resolve(settings)
+    resolved, choices = composer.resolved(settings)
     resolved[group] = section
-    files.add(_completed(resolved, choices, given, recording, typed), recording)
+    composer.files.add(_completed(resolved, choices, given, recording, typed), recording)
     return resolved, choices
 
 

@@ -192,7 +192,7 @@ def _faults_of_source(configuration: Configuration) -> Iterator[str]:
         if kind == "source" and not recorded and not replayed:
             yield f"{group}: source needs a recording, got source=rendered"
         if recorded and kind not in ("source", "parked"):
-            yield f"{group}: {kind} is of the rendered scene; source={source} has its own"
+            yield f"{group}: {kind} is of the rendered scene; source={source} defines its {group}"
 
 
 def _faults_of_prior(configuration: Configuration) -> Iterator[str]:

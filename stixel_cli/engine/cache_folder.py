@@ -8,13 +8,15 @@ The operating system releases a file lock when its process ends, even if the pro
 lease is a file of keys whose process holds a lock on it; a lease without a lock is void.
 """
 
+import json
 import os
 import socket
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import write_whole
 from stixel_cli.engine.errors import CacheError, unwritable
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
 MARK = "CACHEDIR.TAG"
 _SIGNATURE = "Signature: 8a477f597d28d172789f06886806bc55"
 _OWNER = "stixel cache"
+
+LARGEST = 16_000_000
+"""A larger file of `keep`, in bytes, is not read."""
 
 CELLS = "cells"
 """Folder of the modules that are written from a notebook's functions."""
@@ -62,9 +67,24 @@ def make_folder(root: Path, name: str) -> Path:
         root.mkdir(parents=True, exist_ok=True)
         write_whole(mark, f"{_SIGNATURE}\n{_OWNER}\n")
     path = root / name
-    if not path.is_dir():
-        path.mkdir(parents=True, exist_ok=True)
+    path.mkdir(parents=True, exist_ok=True)
     return path
+
+
+def keep(root: Path, folder: str, name: str, content: Any) -> None:
+    """Write JSON behind its digest into a file of the cache `root`; errors as of `make_folder`."""
+    text = json.dumps(content, separators=(",", ":"))
+    digest = sha256(text.encode()).hexdigest()
+    write_whole(make_folder(root, folder) / name, f"{digest}\n{text}")
+
+
+def kept(root: Path, folder: str, name: str) -> Any:
+    """The content of a file of `keep`; None if it is missing or damaged."""
+    with suppress(UserError, ValueError):
+        digest, _, text = read_bytes(root / folder / name, LARGEST).partition(b"\n")
+        if sha256(text).hexdigest().encode() == digest:
+            return json.loads(text)
+    return None
 
 
 def new_name() -> str:
@@ -141,18 +161,15 @@ def collector_lock(folder: Path) -> Iterator[None]:
     CacheError if the folder cannot be written, or another process keeps the lock for too long.
     """
     try:
-        lock = file_lock(folder / "collector.lock")
-        lock.acquire(timeout=PATIENCE)
+        held = file_lock(folder / "collector.lock").acquire(timeout=PATIENCE)
     except TimeoutError as error:
         raise CacheError(
             f"another process has been cleaning the cache {folder} for {PATIENCE:.0f} s"
         ) from error
     except OSError as error:
         raise unwritable(folder, error) from error
-    try:
+    with held:
         yield
-    finally:
-        lock.release()
 
 
 def leased_keys(folder: Path) -> set[str]:

@@ -228,11 +228,9 @@ class _Walk:
         top, *parts = name.split(".")
         for folder in self._search(top):
             base = folder.joinpath(top, *parts)
-            for path, is_package in (
-                (base / "__init__.py", True),
-                (base.with_name(f"{base.name}.py"), False),
-                *((base.with_name(f"{base.name}{s}"), False) for s in EXTENSION_SUFFIXES),
-            ):
+            names = (f"{base.name}{suffix}" for suffix in (".py", *EXTENSION_SUFFIXES))
+            files = ((base.with_name(file), False) for file in names)
+            for path, is_package in ((base / "__init__.py", True), *files):
                 if path.is_file():
                     return _module(name, path, is_package)
             if base.is_dir():

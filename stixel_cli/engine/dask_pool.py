@@ -146,7 +146,7 @@ class DaskPool(Pool):
 
     def _lost(self) -> ExecutorError:
         return ExecutorError(
-            f"the Dask scheduler at {self._address} was lost; computed results are kept"
+            f"the Dask scheduler at {self._address} is gone; computed results are kept"
         )
 
 

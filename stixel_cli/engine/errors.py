@@ -3,6 +3,7 @@
 import errno
 import os.path
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
 from stixel_cli.errors import UserError
@@ -12,14 +13,13 @@ class CacheError(UserError):
     """The cache cannot be read or written."""
 
 
+@dataclass(eq=False)
 class MissingEntry(CacheError):
-    """An entry is missing, or was damaged."""
+    """An entry is missing, or was damaged and, perhaps, `removed`."""
 
-    def __init__(self, key: str, reason: str, removed: bool = False):
-        super().__init__(key, reason, removed)
-        self.key = key
-        self.reason = reason
-        self.removed = removed
+    key: str
+    reason: str
+    removed: bool = False
 
     def __str__(self) -> str:
         return f"cache entry {self.key[:12]}: {self.reason}"
@@ -62,37 +62,27 @@ class ExecutorError(UserError):
     """No workers are available, or all were lost."""
 
 
+@dataclass(eq=False)
 class StageFailure(Exception):
-    """A stage failed.
+    """A stage failed."""
 
-    Attributes:
-        stage: name of the stage.
-        label: label of the node, such as `average[0:10]`.
-        cause: the exception.
-        traceback_text: traceback in the worker.
-        own_files: the user's own code that the stage runs.
-        key: of the node; "" before the scheduler has set it.
-    """
+    stage: str
+    """Its name."""
+    label: str
+    """Of the node, such as `average[0:10]`."""
+    cause: BaseException
+    """The exception."""
+    traceback_text: str
+    """In the worker."""
+    own_files: frozenset[str] = frozenset()
+    """The user's own code that the stage runs."""
+    key: str = ""
+    """Of the node; "" before the scheduler has set it."""
 
-    key = ""
-
-    def __init__(
-        self,
-        stage: str,
-        label: str,
-        cause: BaseException,
-        traceback_text: str,
-        own_files: frozenset[str] = frozenset(),
-    ):
-        super().__init__(stage, label, cause, traceback_text, own_files)
-        self.own_files = own_files
-        self.stage = stage
-        self.label = label
-        self.cause = cause
-        self.traceback_text = traceback_text
-        if cause.__traceback__ is None and traceback_text:
+    def __post_init__(self):
+        if self.cause.__traceback__ is None and self.traceback_text:
             # The frames were in another process. Python prints notes below the message.
-            self.add_note(traceback_text)
+            self.add_note(self.traceback_text)
 
     @property
     def place(self) -> str:
@@ -101,10 +91,10 @@ class StageFailure(Exception):
         "" if unknown.
         """
         frames = _FRAME.findall(self.traceback_text)
-        own = [frame for frame in frames if frame[0] in self.own_files]
-        own = own or [frame for frame in frames if _is_own(frame[0])]
         if not frames:
             return ""
+        own = [frame for frame in frames if frame[0] in self.own_files]
+        own = own or [frame for frame in frames if _is_own(frame[0])]
         file, line, code = (own or frames)[-1]
         return f"{_near(file)}, line {line}: `{code.strip()}`"
 

@@ -149,12 +149,8 @@ def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
     differing += notes.get("versions") != content["versions"]
     stored = notes.get("inputs", {})
     differing += sum(stored.get(name) != list(keys) for name, keys in node.inputs.items())
-    return (
-        notes.get("function") != content["function"],
-        notes.get("frames") != node.frames,
-        differing,
-        -float(notes.get("created", 0.0)),
-    )
+    others = notes.get("function") != content["function"], notes.get("frames") != node.frames
+    return (*others, differing, -float(notes.get("created", 0.0)))
 
 
 def _identity_changes(node: Node, notes: Mapping[str, Any]) -> list[Change]:
@@ -168,9 +164,8 @@ def _identity_changes(node: Node, notes: Mapping[str, Any]) -> list[Change]:
     if notes.get("function") != content["function"]:
         # What the other function reads or does not read follows from that.
         changes = [one for one in changes if one.before and one.after]
-        changes.append(
-            Change("setting", "its function", str(notes.get("function")), content["function"])
-        )
+        before = str(notes.get("function"))
+        changes.append(Change("setting", "its function", before, content["function"]))
     elif notes.get("code") != content["code"] and notes.get("python") == content["python"]:
         # Another Python has another syntax tree, and so another digest, of the same code.
         changes += _code_changes(notes.get("modules", {}), node.identity.code.modules)

@@ -1,7 +1,7 @@
 """The graph of nodes, which are built from stages. Each node is one stored result."""
 
 import pickle
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -20,8 +20,6 @@ class Node:
     """The stage."""
     identity: Identity
     """The part of the key that all nodes of the stage share."""
-    label: str
-    """`average[0:10]`, `plot[12]` or `load`."""
     first: int | None
     stop: int | None
     """`first`, `stop`: the frames are first … stop - 1; None for `once`."""
@@ -33,6 +31,12 @@ class Node:
     """Key of the node before in a fold, or None."""
     depth: int
     """Length of the longest path from a node without inputs."""
+
+    @property
+    def label(self) -> str:
+        """`average[0:10]`, `plot[12]` or `load`."""
+        frames = {"once": "", "pick": f"[{self.first}]"}
+        return self.stage.name + frames.get(self.stage.pattern, f"[{self.first}:{self.stop}]")
 
     @property
     def frames(self) -> list[int] | None:
@@ -85,16 +89,15 @@ class Graph:
                 raise KeyError(f"no node or stage {target!r}")
         return list(ids)
 
-    def ancestors(self, targets: Iterable[str], among: Container[str] | None = None) -> set[str]:
-        """Ids of the target nodes and of all nodes that they depend on, through those `among`."""
+    def ancestors(self, targets: Iterable[str]) -> set[str]:
+        """Ids of the target nodes and of all nodes that they depend on."""
         found: set[str] = set()
         pending = list(targets)
         while pending:
             node = pending.pop()
             if node not in found:
                 found.add(node)
-                sources = self.nodes[node].sources
-                pending += [s for s in sources if among is None or s in among]
+                pending += self.nodes[node].sources
         return found
 
     def dependents(self, node: str, among: Iterable[str]) -> set[str]:
@@ -150,14 +153,8 @@ class GraphBuilder:
         for stage in one.stages.values():
             identity = self._identity(stage)
             sources = {name: one.ids[name] for name in stage.inputs.values()}
-            key = (
-                identity.digest,
-                tuple(sorted(stage.inputs.items())),
-                tuple(sources.values()),
-                stage.frames,
-                frame_count,
-                chunk_size,
-            )
+            wiring = tuple(sorted(stage.inputs.items())), tuple(sources.values())
+            key = (identity.digest, *wiring, stage.frames, frame_count, chunk_size)
             if key not in self._nodes:
                 self._nodes[key] = one.make(stage, identity)
             one.nodes.update(self._nodes[key])
@@ -204,7 +201,6 @@ class _OneGraph:
                 key=key,
                 stage=stage,
                 identity=identity,
-                label=_label(stage, first, stop),
                 first=first,
                 stop=stop,
                 inputs=inputs,
@@ -270,9 +266,3 @@ def _in_order(stages: Sequence[Stage]) -> dict[str, Stage]:
             raise ValueError(f"stages depend on each other: {names}")
         ordered[ready.name] = ready
     return ordered
-
-
-def _label(stage: Stage, first: int | None, stop: int | None) -> str:
-    if stage.pattern == "once":
-        return stage.name
-    return f"{stage.name}[{first}]" if stage.pattern == "pick" else f"{stage.name}[{first}:{stop}]"

@@ -238,19 +238,6 @@ def node_key(
     inputs: Mapping[str, tuple[str, ...]],
     previous: str | None,
 ) -> str:
-    """Compute the key of one node: 64 hex digits.
-
-    Args:
-        identity: of the node's stage.
-        first, stop: first frame, and end of the frames; None for the pattern `once`.
-        inputs: argument name -> keys of the nodes that provide it.
-        previous: key of the node before in a fold.
-    """
-    return digest(
-        {
-            "identity": identity.digest,
-            "frames": [first, stop],
-            "inputs": {name: list(keys) for name, keys in inputs.items()},
-            "previous": previous,
-        }
-    )
+    """Compute the key of a node with these attributes of `graph.Node`: 64 hex digits."""
+    tree = {"identity": identity.digest, "frames": [first, stop], "previous": previous}
+    return digest(tree | {"inputs": {name: list(keys) for name, keys in inputs.items()}})

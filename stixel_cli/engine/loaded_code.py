@@ -70,9 +70,8 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
             raise LookupError(f"{loaded.__file__ or module} has no function {attribute}")
         new = {module: file for module, file in code.files.items() if module not in _imported}
         # Equal files are enough; if only a comment was edited, the digests of the code are equal.
-        if not (
-            same_files(new) or CodeIndex().code(code.roots, code.folders).digest == code.digest
-        ):
+        same = same_files(new) or CodeIndex().code(code.roots, code.folders).digest == code.digest
+        if not same:
             raise _changed(name)
         _imported.update(code.modules)
     return function

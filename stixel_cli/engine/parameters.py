@@ -13,12 +13,9 @@ from annotated_types import Ge, Gt, Le, MinLen
 
 from stixel_cli.parameters import parameters
 
-_SIZES = {
-    "": 1,
-    "B": 1,
-    **{f"{prefix}B": 1000**power for power, prefix in enumerate("KMGT", 1)},
-    **{f"{prefix}IB": 1024**power for power, prefix in enumerate("KMGT", 1)},
-}
+_SIZES = {"": 1, "B": 1}
+_SIZES |= {f"{prefix}B": 1000**power for power, prefix in enumerate("KMGT", 1)}
+_SIZES |= {f"{prefix}IB": 1024**power for power, prefix in enumerate("KMGT", 1)}
 _AGES = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
 
 

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -105,7 +105,8 @@ class Progress:
         self.done: Counter[str] = Counter()
         self.frames_total: Counter[str] = Counter()
         self.frames_done: Counter[str] = Counter()
-        self.seconds: Counter[str] = Counter()
+        # Of the nodes that estimates are made of.
+        self.seconds: defaultdict[str, list[float]] = defaultdict(list)
         self.running: dict[str, str] = {}
         self.failures = 0
         self.cached = 0
@@ -135,12 +136,16 @@ class Progress:
         self.running[node.key] = node.stage.name
 
     def finished(self, node: Node, seconds: float) -> None:
-        """Count a node as done: its result is in the store."""
+        """Count a node as done: its result is in the store.
+
+        The first ones of a stage, one for each worker, also compile: estimates leave them out.
+        """
         name = node.stage.name
         self.running.pop(node.key, None)
         self.done[name] += 1
         self.frames_done[name] += node.frame_count
-        self.seconds[name] += seconds
+        if self.done[name] > self.workers:
+            self.seconds[name].append(seconds)
 
     def failed(
         self, node: Node, failure: StageFailure, skipped: Sequence[Node], of: str = ""
@@ -183,29 +188,25 @@ class Progress:
     def share(self) -> float:
         """Share of the work that is done, 0 … 1: of the nodes' seconds; it never falls.
 
-        While the seconds of no node are known, it is the share of the nodes.
+        While the seconds of a stage are unknown, it is the share of the nodes.
         """
-        spent, left = self.seconds.total(), self._work_left()
-        if left is None:
-            spent, left = self.all_done, self.all_total - self.all_done
-        self._share = max(self._share, spent / (spent + left) if spent + left > 0.0 else 1.0)
+        whole, left = self._work(self.total), self._work(self.total - self.done)
+        if whole is None:
+            whole, left = self.all_total, self.all_total - self.all_done
+        self._share = max(self._share, 1.0 - left / whole if whole > 0.0 else 1.0)
         return self._share
 
-    def _work_left(self) -> float | None:
-        """Estimated seconds of all nodes that are not done; None if no time is known.
-
-        A stage whose nodes were never measured takes as long as an average node.
-        """
-        times = {**self.known, **{n: self.seconds[n] / done for n, done in self.done.items()}}
-        left = {name: count - self.done[name] for name, count in self.total.items()}
-        if not times and any(left.values()):
+    def _work(self, nodes: Counter[str]) -> float | None:
+        """Estimated seconds of so many nodes of each stage; None if a stage's are unknown."""
+        seen = {name: sum(own) / len(own) for name, own in self.seconds.items()}
+        times = {**self.known, **seen}
+        if any(count and name not in times for name, count in nodes.items()):
             return None
-        average = sum(times.values()) / max(1, len(times))
-        return sum(count * times.get(name, average) for name, count in left.items())
+        return sum(count * times.get(name, 0.0) for name, count in nodes.items())
 
     def seconds_left(self) -> float | None:
-        """Estimated seconds until the workers are done; None if no time is known."""
-        left = self._work_left()
+        """Estimated seconds until the workers are done; None if that is unknown."""
+        left = self._work(self.total - self.done)
         return None if left is None else left / self.workers
 
     @property
@@ -234,5 +235,5 @@ def crash_note(labels: Sequence[str], retry: bool) -> str:
     )
     if not retry:
         return f"a worker crashed while running {names}"
-    each = f"{names} on its own" if len(labels) == 1 else "each on its own"
-    return f"a worker crashed while running {names}; retrying {each}"
+    again = "it" if len(labels) == 1 else "them one at a time"
+    return f"a worker crashed while running {names}; retrying {again}"

@@ -123,10 +123,8 @@ def _arguments(node: Node, store: Store) -> dict[str, Any]:
     if stage.gives_files:
         arguments["files"] = stage.files
     for name, keys in node.inputs.items():
-        if name in node.sequences:
-            arguments[name] = ChunkSequence(keys, store.load)
-        else:
-            arguments[name] = store.load(keys[0])
+        lazy = name in node.sequences
+        arguments[name] = ChunkSequence(keys, store.load) if lazy else store.load(keys[0])
     if stage.pattern == "fold":
         arguments["previous"] = None if node.previous is None else store.load(node.previous)
     return arguments
@@ -135,11 +133,7 @@ def _arguments(node: Node, store: Store) -> dict[str, Any]:
 def _own_part(error: Exception) -> str:
     """The traceback without the first frames, which are of this module."""
     trace = error.__traceback__
-    while (
-        trace is not None
-        and trace.tb_next is not None
-        and trace.tb_frame.f_code.co_filename == __file__
-    ):
+    while trace and trace.tb_next and trace.tb_frame.f_code.co_filename == __file__:
         trace = trace.tb_next
     return "".join(traceback.format_exception(type(error), error, trace))
 
@@ -263,9 +257,8 @@ class Scheduler:
         """Compute `keys`, except nodes whose inputs fail or are missing."""
         wanted = set(keys)
         nodes = self.graph.nodes
-        sorter = TopologicalSorter(
-            {key: [s for s in nodes[key].sources if s in wanted] for key in keys}
-        )
+        sources = {key: [s for s in nodes[key].sources if s in wanted] for key in keys}
+        sorter = TopologicalSorter(sources)
         sorter.prepare()
         self._ready: list[tuple[bool, int, int, str]] = []
         self._order = {key: position for position, key in enumerate(keys)}
@@ -327,9 +320,8 @@ class Scheduler:
 
     def _collect(self, finished: Collection[Future]) -> list[str]:
         """Process finished futures; return the keys of the nodes that are in the store now."""
-        if self.pool.all_die_together and any(
-            self.pool.died(error_of(future)) for future in finished
-        ):
+        crashed = any(self.pool.died(error_of(future)) for future in finished)
+        if crashed and self.pool.all_die_together:
             # All running tasks fail with a worker, except those that finished before it crashed.
             finished, _ = wait(self._in_flight)
         done, dead = [], []

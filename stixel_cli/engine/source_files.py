@@ -5,7 +5,6 @@ the store. They are found by the hash of a file's content: neither its name nor 
 """
 
 import ast
-import json
 import os
 import re
 import sys
@@ -16,20 +15,16 @@ from functools import cache
 from hashlib import file_digest, sha256
 from pathlib import Path
 
-from stixel_cli.border import write_whole
-from stixel_cli.engine.cache_folder import make_folder
+from stixel_cli.engine.cache_folder import keep, kept
 from stixel_cli.engine.errors import InvalidCode
 from stixel_cli.errors import UserError
-from stixel_cli.files import GREATEST_ARRAYS, opened, read_bytes
+from stixel_cli.files import GREATEST_ARRAYS, opened
 
 SOURCES = "sources"
 """Folder in the store."""
 
 MOST_DIGESTS = 2000
 """Number of digests that are kept; those of unused contents are dropped first."""
-
-LARGEST_FILE = 16_000_000
-"""A larger file of digests, in bytes, is not read."""
 
 DIGITS = 32
 """Number of hex digits of a module's digest."""
@@ -172,18 +167,9 @@ def _digests_file() -> str:
 
 def load_digests(store_folder: Path) -> None:
     """Read the digests that the store keeps. A file that is missing or damaged has no effect."""
-    for key, fields in _stored_digests(store_folder).items():
+    for key, fields in (kept(store_folder, SOURCES, _digests_file()) or {}).items():
         _digests.setdefault(key, fields)
         _unsaved.discard(key)
-
-
-def _stored_digests(store_folder: Path) -> dict[str, list]:
-    with suppress(UserError, ValueError):
-        path = store_folder / SOURCES / _digests_file()
-        check, _, content = read_bytes(path, LARGEST_FILE).partition(b"\n")
-        if check == sha256(content).hexdigest().encode():
-            return json.loads(content)
-    return {}
 
 
 def save_digests(store_folder: Path) -> None:
@@ -193,10 +179,8 @@ def save_digests(store_folder: Path) -> None:
         if not _unsaved and path.exists():
             os.utime(path)
             return
-        others = _stored_digests(store_folder)
+        others = kept(store_folder, SOURCES, path.name) or {}
         known = {key: others[key] for key in others if key not in _digests} | _digests
         newest = dict(list(known.items())[-MOST_DIGESTS:])
-        content = json.dumps(newest, separators=(",", ":")).encode()
-        make_folder(store_folder, SOURCES)
-        write_whole(path, sha256(content).hexdigest().encode() + b"\n" + content)
+        keep(store_folder, SOURCES, path.name, newest)
         _unsaved.clear()

@@ -8,7 +8,7 @@ its error is NaN. The functions compute all scans at once.
 import numpy as np
 import shapely
 
-from stixel_cli.geometry.pose import rotation
+from stixel_cli.geometry.pose import rotations
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 
@@ -34,18 +34,12 @@ LIMB_SAMPLES = 4
 
 def in_frames(points: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Points (K, N, 2) m in the frames whose poses are (K, 3)."""
-    return (points - poses[:, None, :2]) @ _rotations(poses)
-
-
-def _rotations(poses: np.ndarray) -> np.ndarray:
-    """Rotation matrices (K, 2, 2) of the headings."""
-    return np.moveaxis(rotation(poses[:, 2]), -1, 0)
+    return (points - poses[:, None, :2]) @ rotations(poses[:, 2])
 
 
 def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:
     """Distance (K,) m of the centres, the first two columns of (K, …)."""
-    offsets = estimated_world[:, :2] - true_world[:, :2]
-    return np.hypot(offsets[:, 0], offsets[:, 1])
+    return np.hypot(*(estimated_world[:, :2] - true_world[:, :2]).T)
 
 
 def points_of_target(scenario: Scenario, scans: Scans, k: int) -> np.ndarray:
@@ -70,7 +64,7 @@ def boxes(
         low, high = -0.5 * sizes, 0.5 * sizes
     x, y = np.stack([low, high], axis=-1).transpose(1, 0, 2)
     corners = np.stack([x[:, [0, 1, 1, 0]], y[:, [0, 0, 1, 1]]], axis=-1)
-    return corners @ _rotations(poses).transpose(0, 2, 1) + poses[:, None, :2], high - low
+    return corners @ rotations(poses[:, 2]).transpose(0, 2, 1) + poses[:, None, :2], high - low
 
 
 def area_moments(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -215,18 +209,13 @@ def areas(polygons: np.ndarray) -> np.ndarray:
 
 
 def overlaps(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Intersection over union (K,), 0 … 1, of shapely geometries (K,); 0 for two empty ones.
+    """Intersection over union (K,), 0 … 1, of geometries (K,) as of `areas`; 0 for two empty ones.
 
     `true` may be (1,), for all scans.
     """
     common = shapely.area(shapely.intersection(estimated, true))
     union = shapely.area(estimated) + shapely.area(true) - common
     return np.clip(np.divide(common, union, out=np.zeros_like(common), where=union > 0.0), 0.0, 1.0)
-
-
-def intersections_over_unions(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """IoU (K,) of the areas inside polygons, see `areas`; 0 if not finite."""
-    return overlaps(areas(estimated), areas(true))
 
 
 def star_convex_upper_bound(scenario: Scenario) -> float:

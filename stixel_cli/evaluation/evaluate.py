@@ -65,7 +65,8 @@ def evaluate(
     of_classes = class_errors(track, road_user)
     replaced_wrongly = (of_classes["class_replaced"] == 1.0) & (of_classes["class_wrong"] == 1.0)
     over_time = errors_over_time(track, scenario, replaced_wrongly)
-    over_time["iou_baseline"] = baseline_overlaps(scenario, scans)
+    nearest, rows = scans.nearest_returns()
+    over_time["iou_baseline"] = baseline_overlaps(scenario, nearest)
     over_time["out_of_view"] = out_of_view(scenario, scans)
     times, nis = scenario.times - scenario.times[0], track.normalised_nis
     counted = scenario.known if scenario.scored is None else scenario.known & scenario.scored
@@ -77,7 +78,7 @@ def evaluate(
         points=np.diff(scans.offsets),
         points_used=np.diff(track.used_offsets),
         scan_times=times,
-        **size_errors(track, scans),
+        **size_errors(track, scans, rows),
         **of_classes,
         uses_scans=track.uses_scans,
     )
@@ -113,6 +114,7 @@ def errors_over_time(
     `replaced_wrongly` (K,) is whether the reported class is neither the prior's nor the true one.
     """
     truth, rates = scenario.target_poses_world, scenario.target_rates_world
+    offsets, covariances = track.means[:, :2] - truth[:, :2], track.covariances
     orientation = orientation_errors(track.means[:, 2], truth[:, 2])
     true_speed = np.hypot(*rates[:, :2].T)
     contours = {}
@@ -124,10 +126,8 @@ def errors_over_time(
         "orientation": np.degrees(orientation),
         "speed": np.hypot(*track.means[:, 3:5].T) - true_speed,
         "yaw_rate": np.degrees(track.means[:, 5] - rates[:, 2]),
-        "nees_position": normalised_errors(
-            track.means[:, :2] - truth[:, :2], track.covariances[:, :2, :2]
-        ),
-        "nees_orientation": normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3]),
+        "nees_position": normalised_errors(offsets, covariances[:, :2, :2]),
+        "nees_orientation": normalised_errors(orientation[:, None], covariances[:, 2:3, 2:3]),
         "lost": off_target(contours["iou_box"], orientation, true_speed, replaced_wrongly),
     }
 
@@ -177,23 +177,25 @@ def class_errors(track: Track, road_user: str | None) -> dict[str, Any]:
     }
 
 
-def size_errors(track: Track, scans: Scans) -> dict[str, np.ndarray]:
+def size_errors(track: Track, scans: Scans, nearest: np.ndarray) -> dict[str, np.ndarray]:
     """What shows that the points do not fit the class, without any truth: fields of `ScanErrors`.
 
     Of a class that is too large, the estimated size falls far below the class's; of one that is too
-    small, many points next to the used ones do not fit.
+    small, many points next to the used ones do not fit. Only the `nearest` (n,) rows count.
     """
     count = len(scans)
     if track.size_deviations is None:
         return {name: np.full(count, np.nan) for name in ("size_deviations", "points_beside")}
-    beside = np.zeros(count)
+    beside, points = np.zeros(count), scans.points_world
+    unused = np.zeros(len(points), bool)
+    unused[nearest] = True
+    unused[track.used_points] = False
     for k in range(count):
         rows = scans.rows(k)
-        used = np.zeros(rows.stop - rows.start, bool)
-        used[track.used_points[slice(*track.used_offsets[k : k + 2])] - rows.start] = True
-        points = scans.points_world[rows]
-        if used.any() and not used.all():
-            apart = points[~used, None] - points[None, used]
+        used = points[track.used_points[slice(*track.used_offsets[k : k + 2])]]
+        others = points[rows][unused[rows]]
+        if len(used) and len(others):
+            apart = others[:, None] - used
             beside[k] = np.sum(np.hypot(apart[..., 0], apart[..., 1]).min(axis=1) < BESIDE)
     return {"size_deviations": track.size_deviations, "points_beside": beside}
 

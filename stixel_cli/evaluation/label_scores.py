@@ -47,11 +47,8 @@ def score_tracks(
         "tracks_found": len(tracks),
     }
     matches = _matches(tracks, truths) if truths else None
-    labels = tuple(
-        _score(one, matches[i], tracks, scans)
-        for i, one in enumerate(truths)
-        if one.road_user == road_user
-    )
+    own = [i for i, one in enumerate(truths) if one.road_user == road_user]
+    labels = tuple(_score(truths[i], matches[i], tracks, scans) for i in own)
     if truths:
         shares = [np.sum(matches == j) / len(one.track.times) for j, one in enumerate(tracks)]
         metrics |= _sums(labels) | {"tracks_false": int(np.sum(np.array(shares) < FALSE))}
@@ -121,7 +118,7 @@ def _score(
     if len(at):
         estimated = np.concatenate([_box(track.track, row) for track, row in rows])
         true, _ = contour_errors.boxes(scenario.boxes_world[at], poses[at])
-        iou = contour_errors.intersections_over_unions(estimated, true)
+        iou = contour_errors.overlaps(contour_errors.areas(estimated), contour_errors.areas(true))
     in_order = matched[matched >= 0]
     return LabelScore(
         label=truth.name,

@@ -55,7 +55,7 @@ def verdict(metrics: Values) -> list[str]:
     or a warning of a divergence before that.
     """
     if metrics.get("scans") and metrics.get("scans") == metrics.get("empty_scans"):
-        return ["lost: the road user was never measured: every scan is empty."]
+        return [f"{'lost' if metrics.get('track_lost') else 'No verdict'}: every scan is empty."]
     first = []
     if metrics.get("time_out_of_view_s") is not None:
         first = [

@@ -44,7 +44,7 @@ STAGES = ("pairs", "match", "free_space", "stixels")
 IN_THIS_PROCESS = ThreadsExecutor("threads", 1)
 
 
-def assess(composition: Composition, progress: Progress | None = None) -> Assessment:
+def assess(composition: Composition, progress: Progress) -> Assessment:
     """Assess the first frame of a recording; UserError if the composition has none."""
     configuration = composition.configuration
     if configuration.source.kind == "rendered":
@@ -52,7 +52,7 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
             "assess needs a recording or two images; rendered runs are scored by stixel run"
         )
     wanted = ["camera_pictures", "rig_pictures", "calibration"]
-    rows = compared_rows(composition, progress and progress.note)
+    rows = compared_rows(composition, progress.note)
     with computed_stages(composition, wanted, progress) as (_, load):
         first = {name: load(name)[0] for name in (*STAGES, *wanted)}
     image = first["pairs"].left[0]
@@ -84,9 +84,7 @@ def _seconds(composition: Composition, rig: Rig) -> dict[str, float]:
     return {name: records[name] for name in STAGES}
 
 
-def assess_stixels(
-    file: StixelFile, composition: Composition | None = None, progress: Progress | None = None
-) -> Assessment:
+def assess_stixels(file: StixelFile, composition: Composition | None) -> Assessment:
     """Assess stixels that anybody has made, with the truth of a recording if one is given.
 
     `composition` is that of a recording whose first frame has the stixels. UserError if the file is
@@ -175,7 +173,7 @@ def _sizes(errors: np.ndarray, prefix: str = "") -> dict[str, float | None]:
     }
 
 
-def calibrate(composition: Composition, progress: Progress | None = None) -> RigCalibration:
+def calibrate(composition: Composition, progress: Progress) -> RigCalibration:
     """The disparity error of a recording's rig, also of one that states an error.
 
     UserError if the composition has no recording.
@@ -188,6 +186,6 @@ def calibrate(composition: Composition, progress: Progress | None = None) -> Rig
     exact = replace(configuration.rig, disparity_error=nothing, disparity_error_std=nothing)
     configuration = replace(configuration, source=source, rig=exact)
     composition = replace(composition, configuration=configuration)
-    compared_rows(composition, progress and progress.note)
+    compared_rows(composition, progress.note)
     with computed_stages(composition, ["calibration"], progress) as (_, load):
         return load("calibration")[0]

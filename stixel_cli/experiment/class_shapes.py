@@ -1,11 +1,7 @@
 """Learn what is known of a class: for `stixel new class`, and for our classes.
 
-    python -m stixel_cli.experiment.class_shapes
-
-writes `tracking/contour/class_shapes.json`. Both take the mean outline and the mean box of road
-users, run them on four paths with tuning seeds and shapes (1000 and above), and fit what stixels
-and lidars see of them. Run it again when the renderer, the matcher, the stixels or the road users'
-shapes have changed.
+Take the mean outline and the mean box of road users, run them on four paths with tuning seeds and
+shapes (1000 and above), and fit what stixels and lidars see of them.
 """
 
 import dataclasses
@@ -14,22 +10,18 @@ import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stixel_cli.config.compose import compose
-from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import located
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.ego import ego_motion
-from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.contour import class_size
 from stixel_cli.tracking.contour.class_shape import ClassShape, OutlineModes, VisibleShape
 from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.validation import visible_shape
@@ -37,29 +29,12 @@ from stixel_cli.validation import visible_shape
 PATHS = ("turn", "crossing", "approach", "s_curve")
 SEEDS = range(1000, 1008)
 """Seeds and shape seeds of the scans: so many that some cyclists have panniers, as 30 % have."""
-OUTLINES = range(1000, 1020)
-"""Shape seeds of the mean outline."""
 LEAST_SIZE_STD = 0.01
 """Of a class that is learned from a single mesh, relative."""
 MEASUREMENTS = {"stixels": ("stixels",), "lidar": ("lidar", "lidar_64")}
 """Options of `measurement` for each kind of sensor."""
 
 Overrides = tuple[str, ...]
-
-
-def main() -> None:
-    """Learn our classes and write the file; experiments that are cached are not run again."""
-    shapes = {}
-    for road_user in ROAD_USER_CLASSES:
-        drawn, seen = (
-            {seed: (f"road_user={road_user}", f"road_user.shape_seed={seed}") for seed in seeds}
-            for seeds in (OUTLINES, SEEDS)
-        )
-        size, shapes[road_user] = learned_class(drawn.values(), seen, (*MEASUREMENTS, "outline"))
-        print(f"conf/prior/{road_user}.yaml: {size}")  # noqa: T201
-    target = Path(class_size.__file__).with_name(class_size.FILES[0])
-    target.write_text(class_text(shapes), encoding="utf-8")
-    print(target)  # noqa: T201
 
 
 def learned_class(
@@ -71,9 +46,15 @@ def learned_class(
         drawn: overrides that choose the road users of the mean outline and size.
         seen: seed to overrides, of the road users that sensors see on all paths.
         sensors: `stixels`, `lidar` and `outline`, or some of them.
+
+    UserError for a damaged mesh.
     """
     configurations = [compose(one).configuration for one in drawn]
-    scenarios = [_scenario(one) for one in configurations]
+    # The motion of the road users does not matter.
+    with located(""):
+        scenarios = [
+            build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path) for p in configurations
+        ]
     sizes = np.array([np.ptp(scenario.box_target, axis=0) for scenario in scenarios])
     mean = sizes.mean(axis=0)
     stds = np.maximum(sizes.std(axis=0) / mean, LEAST_SIZE_STD)
@@ -87,14 +68,9 @@ def learned_class(
         for sensor in sensors
     }
     modes = visible_shape.outline_modes_of(scenarios, shape.size)
-    ends = visible_shape.end_insets_of([road_user_meshes(one.road_user) for one in configurations])
-    return size, entry(size, shape, modes, visible) | {"end_insets": _plain(ends)}
-
-
-def _scenario(p: Configuration) -> Scenario:
-    """Ground truth of a road user; its motion does not matter. UserError for a damaged mesh."""
-    with located(""):
-        return build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path)
+    meshes = [road_user_meshes(one.road_user) for one in configurations]
+    insets = visible_shape.height_insets_of(meshes)
+    return size, entry(size, shape, modes, visible) | {"height_insets": _plain(insets)}
 
 
 def _samples(road_users: Mapping[int, Overrides], sensor: str) -> list[tuple[Scenario, Scans]]:
@@ -105,7 +81,7 @@ def _samples(road_users: Mapping[int, Overrides], sensor: str) -> list[tuple[Sce
         print(*road_users[seed], *motion, file=sys.stderr)  # noqa: T201
         simple = ("tracker=point", "pictures.frames=[]")
         result = run_experiment(compose((*road_users[seed], *motion, *simple)))
-        found.append((result.scenario, result.scans))
+        found.append((result.scenario, result.scans.nearest_returns()[0]))
     return found
 
 
@@ -136,7 +112,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return round(value, 4)
     return [round(1000.0 * one) for one in value.ravel().tolist()]
-
-
-if __name__ == "__main__":
-    main()

@@ -1,12 +1,14 @@
-"""One experiment from its configuration to its result folder: what `stixel run` and Python do."""
+"""One experiment from its configuration to its result folder, and back; stored runs on one page."""
 
 import shlex
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from stixel_cli.border import Origin
 from stixel_cli.config.compose import Composition, compose, from_resolved
@@ -22,8 +24,8 @@ from stixel_cli.experiment.stages import RESULTS, compared_rows, computed_stages
 from stixel_cli.experiment.table import PICTURES
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, origin_of, write_folder
-from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
-from stixel_cli.results.result import RunResult, read_run
+from stixel_cli.results.lineage import differing_settings, lineage_of, provenance, read_lineage
+from stixel_cli.results.result import RunResult, listed, read_run
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.file import FileTrackParameters, track_doubts
 from stixel_cli.version import __version__
@@ -54,11 +56,10 @@ def run_experiment(
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
         results = {name: next(iter(load(name)), None) for name in (*RESULTS, "calibration")}
         if progress is not None and progress.advice:
-            for doubt in _doubts(composition.configuration, results):
+            for doubt in filter(None, _doubts(composition.configuration, results)):
                 progress.note(doubt)
         drawn = [one.files for name in PICTURES for one in load(name)]
-        frames, objects = tuple(load(CAMERA)), tuple(load(OBJECTS))
-        lineage = lineage_of(done.graph, done.status, done.store)
+        objects = tuple(load(OBJECTS))
         return RunResult(
             settings=composition.resolved,
             manifest={"choices": composition.choices, "stages": done.stage_records()},
@@ -66,16 +67,16 @@ def run_experiment(
             composition=composition,
             **results,
             pictures={path: data for files in drawn for path, data in files.items()},
-            camera=frames,
+            camera=tuple(load(CAMERA)),
             stixels=tuple(load("stixels")) if objects else (),
             objects=objects,
             tracks=next(iter(load(TRACKS)), ()),
             truths=next(iter(load("label_truths")), ()),
-            lineage=lineage,
+            lineage=lineage_of(done.graph, done.status, done.store, {}),
         )
 
 
-def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str]:
+def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str | None]:
     """What is probably wrong with the user's files, one line each; `results` are of `RESULTS`."""
     scenario, tracker = results["scenario"], configuration.tracker
     measurement, user = configuration.measurement, configuration.road_user
@@ -86,39 +87,33 @@ def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterato
         # Shapely is imported for it.
         from stixel_cli.measurements.file_truth import heading_note
 
-        doubt = heading_note(scenario, measurement.angle_unit)
-        yield from () if doubt is None else (doubt,)
+        yield heading_note(scenario, measurement.angle_unit)
     elif user.mesh is not None and configuration.source.kind == "rendered":
         # So is trimesh.
         from stixel_cli.scene.mesh_file import mesh_doubt
 
-        doubt = mesh_doubt(user.mesh, user.mesh_scale, user.mesh_up)
-        yield from () if doubt is None else (doubt,)
+        yield mesh_doubt(user.mesh, user.mesh_scale, user.mesh_up)
 
 
 def record_run(
     composition: Composition,
-    results: Path | None = None,
-    name: str | None = None,
-    progress: Progress | None = None,
+    results: Path | None,
+    name: str | None,
+    progress: Progress,
     on_scores: Callable[[Scenario, Scores], None] | None = None,
     rerun_of: Path | None = None,
 ) -> RunResult:
     """Run an experiment and write its result folder into `results`, if that is given.
 
-    Args:
-        composition, progress, on_scores: as in `computed_stages`. After its errors no result folder
-            is left.
-        results: parent of the result folder; None to write nothing.
-        name: of the result folder; None for a name made of what differs from the default, see
-            `experiment.run_names`, and the time.
-        rerun_of: the folder that is repeated, whose name the new one has.
+    Its `name` is by default made of what differs from the default, see `experiment.run_names`, or
+    of the name of the repeated folder, `rerun_of`, and of the time. The other arguments are those
+    of `computed_stages`; after its errors no result folder is left.
     """
     started = time.perf_counter()
     if results is not None:
         check_results(results, name)
     now = datetime.now(UTC)
-    rows = compared_rows(composition, progress and progress.note)
+    rows = compared_rows(composition, progress.note)
     run = run_experiment(composition, progress, on_scores=on_scores)
     if rerun_of is None:
         command = ["stixel", "run", *composition.overrides, *PRESETS.option]
@@ -204,3 +199,58 @@ def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:
 def has_pictures(run: RunResult) -> bool:
     """Whether the folder of a run has pictures. Runs of a sweep have them only on request."""
     return (run.folder / "figures").is_dir()
+
+
+SCENE = ("road_user", "path", "ego")
+"""The groups that define the scene; with scans from a file, those files do."""
+
+OF_SCENE = ("times", "ego_poses_world", "target_poses_world", "contours_target", "limb_poses")
+"""What runs of one scene share of their ground truth."""
+
+
+def folders_page(
+    stored: Sequence[RunResult], labels: Sequence[str], progress: Progress
+) -> tuple[str, list[str]]:
+    """The page of stored runs of one scene, whose folders have the `labels`; notes for the user.
+
+    Results that the cache lacks are computed; the page shows the new results. Where they differ
+    from those of a folder, the page and the notes say so. UserError if the runs are not of one
+    scene; and the errors of `computed_stages`.
+    """
+    check_one_scene(stored, labels)
+    trackers = [one.choice("tracker") for one in stored]
+    distinct = len(stored) > 1 and len(set(trackers)) == len(trackers)
+    runs = []
+    for one, name in zip(stored, trackers if distinct else labels, strict=True):
+        run = run_experiment(one.composition, progress, pictures=False, camera=True)
+        runs.append(replace(run, label=name, manifest=one.manifest, folder=one.folder))
+    for label, run in zip(labels, runs, strict=True):
+        pairs = [(getattr(runs[0].scenario, n), getattr(run.scenario, n)) for n in OF_SCENE]
+        if not all(np.array_equal(*pair, equal_nan=True) for pair in pairs):
+            raise UserError(
+                f"the runs must share one scene: the paths in {labels[0]} and {label} differ, "
+                "though their settings do not"
+            )
+    notes = [
+        f"{label}: this version gives different results, which the page shows "
+        f"(stixel verify {one.folder} explains why)"
+        for label, one, run in zip(labels, stored, runs, strict=True)
+        if run.metrics != one.metrics
+    ]
+    several = f"{listed([run.label for run in runs])} on one scene"
+    title, names = (labels[0], ()) if len(runs) == 1 else (several, labels)
+    return playback_html(runs, title, notes, names), notes
+
+
+def check_one_scene(stored: Sequence[RunResult], labels: Sequence[str]) -> None:
+    """Raise UserError with the first setting that differs, unless all runs share the scene."""
+    scenes = []
+    for one in stored:
+        groups = ("measurement",) if one.settings["measurement"].get("kind") == "file" else SCENE
+        scenes.append(RunResult(settings={group: one.settings[group] for group in groups}))
+    for key, values in differing_settings(scenes).items():
+        there = next(i for i, value in enumerate(values) if value != values[0])
+        raise UserError(
+            f"the runs must share one scene: {key} is {values[0]} in {labels[0]} and "
+            f"{values[there]} in {labels[there]}"
+        )

@@ -153,16 +153,14 @@ def _setting(composition: Composition, path: str) -> Any:
     return undisturbed(value) if isinstance(value, Disturbance) else value
 
 
-def experiment_graph(composition: Composition) -> Graph:
-    """The graph of an experiment's nodes."""
+def experiment_graph(composition: Composition, builder: GraphBuilder | None = None) -> Graph:
+    """The graph of an experiment's nodes; several experiments may share a `builder`."""
     count, stages = scan_count(composition), pipeline_stages(composition)
-    builder = GraphBuilder(open_store(composition.configuration.cache).folder)
+    builder = builder or GraphBuilder(open_store(composition.configuration.cache).folder)
     return builder.build(stages, count, CHUNK_SIZE)
 
 
-def compared_rows(
-    composition: Composition, note: Callable[[str], Any] | None = None
-) -> "Rows | None":
+def compared_rows(composition: Composition, note: Callable[[str], Any]) -> "Rows | None":
     """As `calibration.road_pose.compared_rows`; None without recorded images.
 
     `note` is called with what is wrong with the images, or with the rig that is set for them.
@@ -173,11 +171,10 @@ def compared_rows(
     from stixel_cli.calibration.road_pose import compared_rows, contradiction
 
     rows = compared_rows(composition.recording, rig.far_disparity, source.check_rectification)
-    if note is not None:
-        stereo, road = real_image_parameters().stereo, composition.configuration.road
-        told = contradiction(composition.recording, rig, road, stereo)
-        for text in filter(None, (rows and rows.fault, told)):
-            note(text)
+    stereo, road = real_image_parameters().stereo, composition.configuration.road
+    told = contradiction(composition.recording, rig, road, stereo)
+    for text in filter(None, (rows and rows.fault, told)):
+        note(text)
     return rows
 
 
@@ -196,16 +193,13 @@ def computed_stages(
     results.
 
     Args:
-        composition: the experiment.
-        wanted: names of stages, without effect where the pipeline has no such stage; `RESULTS` are
-            computed before all others.
-        progress: reports the progress.
-        on_scores: called with the scenario and the scores as soon as `RESULTS` are computed.
+        wanted: names of stages, without effect where the pipeline has no such stage.
+        on_scores: called with the scenario and the scores as soon as `RESULTS`, the first, are
+            computed.
         store: the cache; None for that of the configuration.
 
-    Raises:
-        UserError: for any error that the user can fix.
-        StageFailure: if a stage fails for another reason; finished nodes stay in the store.
+    UserError for any error that the user can fix. StageFailure if a stage fails for another reason;
+    finished nodes stay in the store.
     """
     configuration = composition.configuration
     try:
@@ -220,14 +214,10 @@ def computed_stages(
             return [store.load(key) for key in graph.stages.get(name, ()) if key in needed]
 
         with Lease(store.folder, sorted(needed)):
+            first = [name for name in RESULTS if name in wanted]
+            report = on_scores and (lambda: on_scores(load("scenario")[0], load("scores")[0]))
             execution = execute(
-                graph,
-                wanted,
-                store,
-                executor=configuration.executor,
-                progress=progress,
-                first=[name for name in RESULTS if name in wanted],
-                on_first=on_scores and (lambda: on_scores(load("scenario")[0], load("scores")[0])),
+                graph, wanted, store, configuration.executor, progress, first=first, on_first=report
             )
             yield execution, load
     except StageFailure as failure:

@@ -52,22 +52,13 @@ class Verification:
 
 
 def verify_run(
-    stored: RunResult,
-    store: Store,
-    old_store: Store,
-    now: Mapping[str, Any],
-    progress: Progress | None = None,
+    stored: RunResult, store: Store, old_store: Store, now: Mapping[str, Any], progress: Progress
 ) -> Verification:
-    """Run a folder's configuration again, in `store`, and compare.
+    """Run a folder's configuration again, in `store`, and compare; an empty one computes all of it.
 
-    Args:
-        stored: the folder.
-        store: for the new results; an empty one to compute all of them.
-        old_store: may still have results of the old run, to measure how much they differ.
-        now: the `provenance` of this moment.
-        progress: reports the progress.
-
-    UserError if a file of the folder is not valid; and the errors of `computed_stages`.
+    `old_store` may still have results of the old run, to measure how much they differ; `now` is the
+    `provenance` of this moment. UserError if a file of the folder is not valid; and the errors of
+    `computed_stages`.
     """
     # Before the run, which may take long.
     paths = {name: stored.folder / f"{name}.npz" for name in COMPARED}

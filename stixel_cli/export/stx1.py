@@ -35,14 +35,9 @@ CLOSE = 1.0
 def stixel_world(
     library: Any, stixels: Stixels, index: int, of_target: np.ndarray, rig: Rig, kind: str
 ) -> Any:
-    """The `StixelWorld` of one frame, without its image.
+    """The `StixelWorld` of the frame `index` of a chunk, by pyStixel-lib, without its image.
 
-    Args:
-        library: pyStixel-lib.
-        stixels: a chunk of frames, and `index` of the frame in it.
-        of_target: (S,) bool, the stixels that the track used.
-        rig: of the images.
-        kind: class of the target.
+    `of_target` (S,) bool are the stixels that the track used; the target is of the class `kind`.
     """
     from scipy.special import erf
 

@@ -17,6 +17,11 @@ def rotation(angle: float) -> np.ndarray:
     return np.array([[cosine, -sine], [sine, cosine]])
 
 
+def rotations(angles: np.ndarray) -> np.ndarray:
+    """Rotation matrices (n, 2, 2) by angles (n,) rad."""
+    return np.moveaxis(rotation(angles), -1, 0)
+
+
 def world_from_target(points_target: np.ndarray, pose_world: np.ndarray) -> np.ndarray:
     """Points (n, 2) in m from the frame of a target at `pose_world` (3,) to the world."""
     return np.asarray(points_target) @ rotation(pose_world[2]).T + np.asarray(pose_world[:2])

@@ -66,9 +66,7 @@ def fabricate_scans(
 ) -> Scans:
     """Scans of the true contour by rays from the left camera, in the world frame.
 
-    The nearest crossing of each ray is measured, with noise along the ray. Its standard deviation
-    is a constant, or that of stereo: sigma_z = z² sigma_d / (f_u B) at the depth z, and sigma_z /
-    cos(theta - tau) along the ray; or it is fitted to simulated points, see `FittedNoise`. Across
+    The nearest crossing of each ray is measured, with noise along the ray, see `rays.Noise`. Across
     the ray the variance is (r dtheta)² / 12, dtheta the angle that belongs to one point. The
     covariance of a point is one that a sensor could know: it comes from the measured range.
     ValueError if there are more rays than columns.

@@ -104,10 +104,8 @@ def read_scans(
     order = order[np.isfinite(table["x"][order])]
     half = None if horizontal_fov is None else np.radians(0.5 * horizontal_fov)
     counts = np.bincount(k[order], minlength=len(times))
-    if len(order) < len(k):
-        note(
-            f"{file}: {len(k) - len(order)} of {counted(len(k), 'row')} dropped: x and y are empty"
-        )
+    if dropped := len(k) - len(order):
+        note(f"{file}: {dropped} of {counted(len(k), 'row')} dropped: x and y are empty")
     return Scans(
         times=times,
         sensor_poses_world=poses,

@@ -20,7 +20,8 @@ class LidarParameters(Gated):
         scanner: layers, beams and mounting.
         range_std: standard deviation of the range along the beam, m.
         missed_probability: probability that a beam which hits gives no return.
-        returns: per azimuth the `nearest` return that passes the gates, or `all` of them.
+        returns: `all` returns that pass the gates, with their heights, or per azimuth the
+            `nearest`, without: as of a scanner that was projected to one plane.
     """
 
     kind: Literal["lidar"]
@@ -52,12 +53,12 @@ def lidar_scans(
     """Scans of the returns inside the gates, with noise along the beam, on the world's ground.
 
     The gates use the measured point's height above the road, which leaves out the ground, and its
-    distance. Then the point is projected to the ground plane. With `returns: nearest` only the
-    nearest point of each azimuth is kept: several layers meet bumper, bonnet, windscreen and roof,
-    and seen from above all but the first are inside the outline. With `all` the points have their
-    heights, and trackers take the nearest, see `Scans.nearest_returns`. The nearest of several
-    noisy ranges is too near by about their standard deviation: 0.6 of it for two that measure the
-    same face, 1.5 for ten.
+    distance. Then the point is projected to the ground plane. Several layers meet bumper, bonnet,
+    windscreen and roof, and seen from above all but the first are inside the outline: of `all`
+    points, which have heights, trackers take the nearest, see `Scans.nearest_returns`. With
+    `returns: nearest` only that of each azimuth is kept. The nearest of several noisy ranges is too
+    near by about their standard deviation: 0.6 of it for two that measure the same face, 1.5 for
+    ten.
 
     The covariance of a point is the noise along the beam, projected to the ground, and (r dtheta)²
     / 12 across. `field_of_view` has the bearings of the lidar's right and left border, rad.
@@ -108,8 +109,6 @@ def _scan(
     distances = ground[layer, beam]
     along_variance = (measurement.range_std * np.cos(returns.elevations[layer])) ** 2
     step = np.radians(measurement.scanner.azimuth_step)
-    across_variance = (distances * step) ** 2 / 12.0
-    points = points_along(
-        sensor_pose_world, returns.azimuths[beam], distances, along_variance, across_variance
-    )
+    variances = along_variance, (distances * step) ** 2 / 12.0
+    points = points_along(sensor_pose_world, returns.azimuths[beam], distances, *variances)
     return *points, heights[layer, beam]

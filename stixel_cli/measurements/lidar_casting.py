@@ -31,8 +31,7 @@ def cast_lidar(
 
     The target, the road and the background are the renderers' meshes, so an object that hides the
     target from the camera hides it here too. `camera_field` is the field of view if `scanner` does
-    not set
-    one: bearings of the camera's right and left border, rad.
+    not set one: bearings of the camera's right and left border, rad.
     """
     meshes = road_user_meshes(road_user)
     targets = {int(pose): ray_tree(meshes[pose]) for pose in np.unique(scenario.limb_poses)}
@@ -56,9 +55,8 @@ def cast_beams(
     beams = beam_directions(elevations, azimuths)
     ranges = np.empty((len(scenario.times), len(elevations), len(azimuths)), dtype=np.float32)
     seen_from, behind = None, None
-    for k, (ego, pose) in enumerate(
-        zip(scenario.ego_poses_world, scenario.target_poses_world, strict=True)
-    ):
+    poses = zip(scenario.ego_poses_world, scenario.target_poses_world, strict=True)
+    for k, (ego, pose) in enumerate(poses):
         origin = np.array([ego[0], ego[1], scanner.mount_height])
         directions = beams.copy()
         directions[:, :2] = beams[:, :2] @ rotation(ego[2]).T

@@ -10,6 +10,9 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD, pose_rates, rotation, wrap_
 BEARING = np.radians(0.1)
 """Points with heights are of one bearing within this, rad: half of the step of common lidars."""
 
+BEHIND = 2.0
+"""Of two returns of one bearing, m: farther apart they are of two objects."""
+
 
 @dataclass(frozen=True)
 class SharedErrors:
@@ -158,11 +161,9 @@ class Scans:
         return cls(
             times=np.array(times, dtype=np.float64),
             sensor_poses_world=np.array(sensor_poses_world, dtype=np.float64),
-            offsets=np.cumsum([0, *(len(points) for points, _ in scans)], dtype=np.int64),
-            points_world=np.concatenate([np.zeros((0, 2)), *(points for points, _ in scans)]),
-            covariances_world=np.concatenate(
-                [np.zeros((0, 2, 2)), *(covariances for _, covariances in scans)]
-            ),
+            offsets=np.cumsum([0, *(len(scan[0]) for scan in scans)], dtype=np.int64),
+            points_world=np.concatenate([np.zeros((0, 2)), *(scan[0] for scan in scans)]),
+            covariances_world=np.concatenate([np.zeros((0, 2, 2)), *(scan[1] for scan in scans)]),
             field_of_view=field_of_view,
             shared_errors=shared_errors,
             heights=None if heights is None else np.concatenate([np.zeros(0), *heights]),
@@ -186,20 +187,21 @@ class Scans:
         )
 
     def nearest_returns(self) -> tuple["Scans", np.ndarray]:
-        """The scans with the nearest point of each bearing only, and its rows (n,) in these.
+        """The scans with the nearest point of each object in each bearing, and its rows (n,) here.
 
         Seen from above, bonnet, windscreen and roof are inside of the outline, which the nearest
-        point of their bearing shows. Without heights, nothing changes.
+        point of their bearing shows. Over a hedge, what is behind it is seen, too. Without heights,
+        nothing changes.
         """
         kept = np.ones(len(self.points_world), bool)
         for k in [] if self.heights is None else np.flatnonzero(np.diff(self.offsets)):
             rows, sensor = self.rows(k), self.sensor_poses_world[k]
             offsets = self.points_world[rows] - sensor[:2]
             bearings = wrap_angle(np.arctan2(offsets[:, 1], offsets[:, 0]) - sensor[2])
-            columns = np.round((bearings - bearings.min()) / BEARING)
-            order = np.lexsort((np.hypot(*offsets.T), columns))
-            kept[rows] = False
-            kept[rows.start + order[np.unique(columns[order], return_index=True)[1]]] = True
+            columns, ranges = np.round((bearings - bearings.min()) / BEARING), np.hypot(*offsets.T)
+            order = np.lexsort((ranges, columns))
+            other_bearing, farther = np.diff(columns[order]) > 0.0, np.diff(ranges[order]) > BEHIND
+            kept[rows.start + order[1:]] = other_bearing | farther
         found = np.flatnonzero(kept)
         return (self if kept.all() else self.of_rows(found)), found
 
@@ -228,9 +230,8 @@ def points_along(
     """
     bearings = sensor_pose_world[2] + angles
     along = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
-    covariances = (along_variances - across_variances)[:, None, None] * (
-        along[:, :, None] * along[:, None, :]
-    )
+    squares = along[:, :, None] * along[:, None, :]
+    covariances = (along_variances - across_variances)[:, None, None] * squares
     covariances[:, 0, 0] += across_variances
     covariances[:, 1, 1] += across_variances
     return sensor_pose_world[:2] + ranges[:, None] * along, covariances

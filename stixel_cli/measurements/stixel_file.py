@@ -99,16 +99,13 @@ def _stixel_file(
     if len(left) > MOST:
         raise UserError(f"{file}: {len(left)} stixels, at most {MOST}")
     height, width = (GREATEST_SIDE, GREATEST_SIDE) if image is None else image.shape[:2]
-    for wrong, problem in (
-        (
-            ~((left >= 0) & (left < right) & (right <= width)),
-            f"its columns are not in 0 to {width}",
-        ),
-        (~((top >= 0) & (top <= base) & (base < height)), f"its rows are not in 0 to {height}"),
-        (~((depth > 0) & (depth <= FARTHEST)), f"its depth is not in 0 to {FARTHEST:g} m"),
-        (disparity <= 0, "its disparity is not > 0 px"),
+    for valid, problem in (
+        ((left >= 0) & (left < right) & (right <= width), f"its columns are not in 0 to {width}"),
+        ((top >= 0) & (top <= base) & (base < height), f"its rows are not in 0 to {height}"),
+        ((depth > 0) & (depth <= FARTHEST), f"its depth is not in 0 to {FARTHEST:g} m"),
+        (~(disparity <= 0), "its disparity is not > 0 px"),
     ):
-        refuse_rows(file, wrong, lambda row, problem=problem: problem)
+        refuse_rows(file, ~valid, lambda row, problem=problem: problem)
     order = np.argsort(left, kind="stable")
     whole = [values[order].astype(np.int32) for values in (left, right, top, base)]
     n = len(order)

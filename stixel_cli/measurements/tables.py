@@ -70,9 +70,10 @@ def read_table(
     if len({len(column) for column in table.values()}) > 1:
         raise UserError(f"{file}: its columns must have equal lengths")
     empty = np.all([np.isnan(table[name]) for name in gaps[:2] if name in table], axis=0)
-    for name in names:
-        if name in table and name != "t":
-            _check_numbers(file, name, table[name], empty & (name in gaps))
+    must = f"must be a finite number, at most {FARTHEST:g}"
+    for name, column in table.items():
+        wrong = ~(np.abs(column) <= FARTHEST) & ~(empty & (name in gaps)) & (name != "t")
+        refuse_rows(file, wrong, lambda i, n=name, c=column: f"{n}: {c[i]:g} {must}")
     if other in columns:
         table[other] = columns[other].astype(np.float64)
     return table
@@ -145,14 +146,6 @@ def _numbers(file: Path, name: str, column: np.ndarray) -> np.ndarray:
         raise
 
 
-def _check_numbers(file: Path, name: str, values: np.ndarray, may_lack: np.ndarray) -> None:
-    refuse_rows(
-        file,
-        ~(np.abs(values) <= FARTHEST) & ~may_lack,
-        lambda i: f"{name}: {values[i]:g} must be a finite number, at most {FARTHEST:g}",
-    )
-
-
 TimeUnit = Literal["s", "ms", "us", "ns"]
 AngleUnit = Literal["rad", "deg"]
 
@@ -223,11 +216,11 @@ def refuse_other_times(
     file: Path, k: np.ndarray, t: np.ndarray, expected: np.ndarray, tolerance: float
 ) -> None:
     """Raise UserError unless the t (n,) s of each row is that of its scan k, to `tolerance` s."""
-    refuse_rows(
-        file,
-        np.abs(t - expected) > tolerance,
-        lambda i: f"t = {t[i]:.6g} s, but scan k = {k[i]} is at {expected[i]:.6g} s",
-    )
+
+    def differs(i: int) -> str:
+        return f"t = {t[i]:.6g} s, but scan k = {k[i]} is at {expected[i]:.6g} s"
+
+    refuse_rows(file, np.abs(t - expected) > tolerance, differs)
 
 
 def in_radians(angles: np.ndarray, unit: AngleUnit) -> np.ndarray:

@@ -25,9 +25,8 @@ def draw_contour(axes: Axes, contour_world: np.ndarray, colour: str, **options) 
     """The outline of a polygon (M, 2) m; nothing if it is not finite."""
     if np.isfinite(contour_world).all():
         options = {"linewidth": 1.6, "zorder": 4.0, "joinstyle": "round"} | options
-        axes.add_artist(
-            Polygon(contour_world, closed=True, fill=False, edgecolor=colour, **options)
-        )
+        look = {"fill": False, "edgecolor": colour, **options}
+        axes.add_artist(Polygon(contour_world, closed=True, **look))
 
 
 def draw_band(
@@ -137,9 +136,8 @@ def draw_field_of_view(axes: Axes, pose_world: np.ndarray, bearings: tuple[float
     angles = pose_world[2] + np.linspace(*bearings, 25)
     arc = pose_world[:2] + reach * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     wedge = np.concatenate([[pose_world[:2]], arc])
-    axes.add_artist(
-        Polygon(wedge, facecolor=style.FIELD_OF_VIEW, alpha=0.09, linewidth=0, zorder=0)
-    )
+    look = {"facecolor": style.FIELD_OF_VIEW, "alpha": 0.09, "linewidth": 0, "zorder": 0}
+    axes.add_artist(Polygon(wedge, **look))
     edges = np.stack([arc[0], pose_world[:2], arc[-1]])
     axes.plot(*edges.T, color=style.FIELD_OF_VIEW, linewidth=0.9, zorder=1.0)
 

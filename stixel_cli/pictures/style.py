@@ -102,11 +102,8 @@ def drawing(settings: dict | None = None) -> Iterator[None]:
     are further Matplotlib settings, which override these. One thread draws at a time.
     """
     _register_font()
-    defaults = {
-        name: value
-        for name, value in matplotlib.rcParamsDefault.items()
-        if not name.startswith(_PROCESS_SETTINGS)
-    }
+    settable = (n for n in matplotlib.rcParamsDefault if not n.startswith(_PROCESS_SETTINGS))
+    defaults = {name: matplotlib.rcParamsDefault[name] for name in settable}
     with _one_at_a_time, matplotlib.rc_context(defaults | _SETTINGS | (settings or {})):
         yield
 
@@ -167,9 +164,8 @@ def png(figure: Figure, under: Iterable[tuple[int, int, np.ndarray]] = ()) -> by
 def svg(figure: Figure) -> bytes:
     """The figure as an SVG without date and version, so that its bytes repeat."""
     buffer = io.BytesIO()
-    FigureCanvasSVG(figure).print_svg(
-        buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
-    )
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)
     return buffer.getvalue()
 
 

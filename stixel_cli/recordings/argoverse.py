@@ -86,10 +86,8 @@ def read_calibration(intrinsics: Path, sensors: Path) -> Calibration:
     matrix[:2, 2] = -first
     left, right = (tuple(map(float, (matrix @ ray).ravel())) for ray in rays)
     rectification = Rectification(left, right, (int(size[0]), int(size[1])), (width, height))
-    centre = (float(-first[0]), float(-first[1]))
-    return Calibration(
-        focal_length, focal_length, *centre, baseline, None, rectification=rectification
-    )
+    lens = focal_length, focal_length, float(-first[0]), float(-first[1])
+    return Calibration(*lens, baseline, None, rectification=rectification)
 
 
 def read_poses(times: tuple[int, ...], city: Path, sensors: Path | None = None) -> np.ndarray:
@@ -168,9 +166,8 @@ def _between(stamps: np.ndarray, times: tuple[int, ...]) -> Iterator[tuple[int, 
 
     The `stamps` (n,), increasing, and the `times` of all frames are in ns.
     """
-    for frame, (i, time) in enumerate(
-        zip(np.searchsorted(stamps, times, side="right") - 1, times, strict=True)
-    ):
+    before = np.searchsorted(stamps, times, side="right") - 1
+    for frame, (i, time) in enumerate(zip(before, times, strict=True)):
         if i >= 0 and stamps[i] == time:
             yield frame, i, 0.0
         elif 0 <= i < len(stamps) - 1 and stamps[i + 1] - stamps[i] <= GREATEST_GAP:

@@ -67,14 +67,10 @@ def guess_layout(folder: Path) -> str:
 def _tracking(source: parameters.KittiTracking) -> Recording:
     root, name = root_of(Path(source.folder), "image_02"), f"{int(source.sequence):04d}"
     tables, poses = clip_poses(root, name)
-    return assembled_recording(
-        source,
-        read_calibration(root / "calib" / f"{name}.txt", ("P2", "P3")),
-        numbered_images(root / "image_02" / name, root / "image_03" / name),
-        labels=(root / "label_02" / f"{name}.txt",),
-        poses=poses,
-        tables=tables,
-    )
+    calibration = read_calibration(root / "calib" / f"{name}.txt", ("P2", "P3"))
+    images = numbered_images(root / "image_02" / name, root / "image_03" / name)
+    labels = (root / "label_02" / f"{name}.txt",)
+    return assembled_recording(source, calibration, images, poses, labels, tables)
 
 
 def _raw(source: parameters.LabelledFolder) -> Recording:
@@ -89,25 +85,19 @@ def _raw(source: parameters.LabelledFolder) -> Recording:
         (packets,) = numbered_images(folder, names=r"(\d{10})\.txt", example="0000000000.txt")
         if list(packets) != list(range(len(packets))):
             raise UserError(f"{folder}: must have all packets from 0000000000.txt on")
-    return assembled_recording(
-        source,
-        read_calibration(cameras, PAIRS[1]),
-        numbered_images(root / "image_02/data", root / "image_03/data"),
-        poses=(*calibrations, *packets.values()) if packets else (),
-        labels=(root / "tracklet_labels.xml", velodyne, cameras),
-        tables=Tables("kitti_raw"),
-    )
+    calibration = read_calibration(cameras, PAIRS[1])
+    images = numbered_images(root / "image_02/data", root / "image_03/data")
+    poses = (*calibrations, *packets.values()) if packets else ()
+    labels = (root / "tracklet_labels.xml", velodyne, cameras)
+    return assembled_recording(source, calibration, images, poses, labels, Tables("kitti_raw"))
 
 
 def _odometry(source: parameters.KittiOdometry) -> Recording:
     root = Path(source.folder)
     left, right = ("2", "3") if (root / "image_2").is_dir() else ("0", "1")
-    return assembled_recording(
-        source,
-        read_calibration(root / "calib.txt", (f"P{left}", f"P{right}")),
-        numbered_images(root / f"image_{left}", root / f"image_{right}"),
-        poses=(root / "poses.txt",),
-    )
+    calibration = read_calibration(root / "calib.txt", (f"P{left}", f"P{right}"))
+    images = numbered_images(root / f"image_{left}", root / f"image_{right}")
+    return assembled_recording(source, calibration, images, poses=(root / "poses.txt",))
 
 
 def _pair_of_benchmark(source: parameters.KittiPair) -> Recording:
@@ -132,51 +122,38 @@ def _png_or_jpeg(file: Path) -> Path:
 def _virtual(source: parameters.LabelledFolder) -> Recording:
     root = Path(source.folder)
     folders = (root / VIRTUAL_IMAGES / camera for camera in ("Camera_0", "Camera_1"))
-    return assembled_recording(
-        source,
-        virtual_kitti_tables.read_calibration(root / "intrinsic.txt", root / "extrinsic.txt"),
-        numbered_images(*folders, names=r"rgb_(\d{5})\.jpg", example="rgb_00000.jpg"),
-        poses=(root / "extrinsic.txt",),
-        labels=tuple(root / name for name in ("pose.txt", "bbox.txt", "info.txt")),
-        tables=Tables("virtual_kitti"),
-    )
+    poses = (root / "extrinsic.txt",)
+    calibration = virtual_kitti_tables.read_calibration(root / "intrinsic.txt", *poses)
+    images = numbered_images(*folders, names=r"rgb_(\d{5})\.jpg", example="rgb_00000.jpg")
+    labels = tuple(root / name for name in ("pose.txt", "bbox.txt", "info.txt"))
+    return assembled_recording(source, calibration, images, poses, labels, Tables("virtual_kitti"))
 
 
 def _argoverse(source: parameters.Argoverse) -> Recording:
     root = Path(source.folder)
-    images, cameras = root / LOG_IMAGES, argoverse.CAMERAS
-    left, right = numbered_images(
-        *(images / name for name in cameras),
-        names=r"(\d{1,18})\.jpg",
-        example="315966070549927216.jpg",
-    )
+    folder, cameras = root / LOG_IMAGES, argoverse.CAMERAS
+    named = {"names": r"(\d{1,18})\.jpg", "example": "315966070549927216.jpg"}
+    left, right = numbered_images(*(folder / name for name in cameras), **named)
     times, partners = tuple(left), pairs_by_time(list(left), list(right))
     if not partners:
-        raise UserError(f"{images}: no image of {cameras[1]} at a time of {cameras[0]}")
+        raise UserError(f"{folder}: no image of {cameras[1]} at a time of {cameras[0]}")
     names = (argoverse.ANNOTATIONS, argoverse.CITY, argoverse.SENSORS, argoverse.INTRINSICS)
     _, city, sensors, intrinsics = labels = tuple(root / name for name in names)
     of_right = {k: right[partners[time]] for k, time in enumerate(times) if time in partners}
-    recording = assembled_recording(
-        source,
-        argoverse.read_calibration(intrinsics, sensors),
-        (dict(enumerate(left.values())), of_right),
-        poses=(city, sensors),
-        labels=labels,
-        tables=Tables("argoverse", times),
-    )
+    calibration = argoverse.read_calibration(intrinsics, sensors)
+    images, poses = (dict(enumerate(left.values())), of_right), (city, sensors)
+    tables = Tables("argoverse", times)
+    recording = assembled_recording(source, calibration, images, poses, labels, tables)
     check_steps(recording, source.sample_time, root, "source")
     return recording
 
 
 def _folder(source: parameters.LabelledFolder) -> Recording:
     root = Path(source.folder)
-    return assembled_recording(
-        source,
-        read_rig(root / "rig.yaml"),
-        numbered_images(root / "left", root / "right"),
-        labels=(root / "labels.txt",),
-        poses=(root / "poses.txt",),
-    )
+    calibration = read_rig(root / "rig.yaml")
+    images = numbered_images(root / "left", root / "right")
+    files = (root / "poses.txt",), (root / "labels.txt",)
+    return assembled_recording(source, calibration, images, *files)
 
 
 def _named_pair(source: parameters.Pair) -> Recording:
@@ -254,16 +231,13 @@ def assembled_pair(
 ) -> Recording:
     """The recording of one pair of images, without time and motion, and their optional truth."""
     recording = assembled_recording(source, calibration, tuple({0: i} for i in images), poses=())
-    label_files, true_disparities = (
-        () if name is None else (Path(name),) for name in (labels, disparity)
-    )
+    truth = (() if name is None else (Path(name),) for name in (labels, disparity))
+    label_files, true_disparities = truth
     for file in true_disparities:
         height, width = read_disparity(file).shape
         if (width, height) != (recording.width, recording.height):
-            raise UserError(
-                f"{file}: {width} × {height} px, but {images[0].name} has "
-                f"{recording.width} × {recording.height} px"
-            )
+            others = f"{images[0].name} has {recording.width} × {recording.height} px"
+            raise UserError(f"{file}: {width} × {height} px, but {others}")
     return replace(recording, label_files=label_files, true_disparities=true_disparities)
 
 

@@ -196,24 +196,21 @@ def tracks_of(labels: Iterable[tuple]) -> Tracks:
             raise UserError(f"{place}: track {track} is labelled twice in frame {frame}")
         if min(values[7:10]) <= 0.0:
             raise UserError(f"{place}: height, width and length must be > 0")
-        before = kinds.setdefault(track, printable(kind))
-        if before != printable(kind):
-            raise UserError(
-                f"{place}: track {track} is a {printable(kind)}, but was a {before} before"
-            )
-        rows[track][frame] = values
+        kind, before = printable(kind), kinds.setdefault(track, printable(kind))
+        if before != kind:
+            raise UserError(f"{place}: track {track} is a {kind}, but was a {before} before")
+        rows[track][frame] = frame, *values
     tracks = {}
     for track, by_frame in sorted(rows.items()):
-        frames = np.array(sorted(by_frame), dtype=np.int64)
-        values = np.array([by_frame[frame] for frame in frames.tolist()])
+        values = np.array([by_frame[frame] for frame in sorted(by_frame)])
         tracks[track] = Labels(
-            frames,
-            boxes=values[:, 3:7],
-            sizes=values[:, 7:10],
-            places=values[:, 10:13],
-            yaws=values[:, 13],
-            truncated=np.ceil(values[:, 0]).astype(np.int64),
-            occluded=values[:, 1].astype(np.int64),
+            frames=values[:, 0].astype(np.int64),
+            boxes=values[:, 4:8],
+            sizes=values[:, 8:11],
+            places=values[:, 11:14],
+            yaws=values[:, 14],
+            truncated=np.ceil(values[:, 1]).astype(np.int64),
+            occluded=values[:, 2].astype(np.int64),
             kind=kinds[track],
         )
     return tracks
@@ -251,11 +248,8 @@ def seen_box(
     return inside, bool((inside != box).any())
 
 
-GREATEST_STEP = 10.0
-"""Between two rows, m; with more, they are not in the order of the frames."""
-
-GREATEST_TURN = 30.0
-"""Between two rows, degrees; likewise."""
+GREATEST_STEP, GREATEST_TURN = 10.0, 30.0
+"""Between two rows, m and degrees; with more, they are not in the order of the frames."""
 
 
 @remembered
@@ -264,10 +258,8 @@ def read_poses(file: Path) -> np.ndarray:
 
     UserError if a row is short, not finite, not a rigid motion, or not in order.
     """
-    rows = text_rows(file)
-    return checked_poses(
-        file, [(row, np.reshape(numbers(file, row, words, 12), (3, 4))) for row, words in rows]
-    )
+    rows = ((row, numbers(file, row, words, 12)) for row, words in text_rows(file))
+    return checked_poses(file, [(row, np.reshape(pose, (3, 4))) for row, pose in rows])
 
 
 def checked_poses(file: Path, poses: list[tuple[int, np.ndarray]]) -> np.ndarray:

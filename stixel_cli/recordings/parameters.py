@@ -183,16 +183,8 @@ class Pair(Recorded):
     required = ("left", "right", "calibration")
 
 
-Source = (
-    Rendered
-    | KittiTracking
-    | LabelledFolder
-    | KittiOdometry
-    | KittiPair
-    | Argoverse
-    | Rosbag
-    | Pair
-)
+Folders = KittiTracking | LabelledFolder | KittiOdometry | KittiPair | Argoverse | Rosbag
+Source = Rendered | Folders | Pair
 
 
 def chosen_frames(text: str | None, key: str = "source.frames") -> range | None:

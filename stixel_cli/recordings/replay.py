@@ -1,9 +1,7 @@
 """The motion of `path=recorded`: KITTI's tracking benchmark or a log of Argoverse 2, no images.
 
-Of KITTI, below the folder or its `training/`, are `label_02/0005.txt`, `calib/0005.txt` and
-`oxts/0005.txt` or `ego_poses/0005.txt`, as `kitti` describes them. Of a log are
-`annotations.feather`, `city_SE3_egovehicle.feather` and, if the camera's place is wanted,
-`calibration/egovehicle_SE3_sensor.feather`, as `argoverse` describes them.
+`ReplayedPath` names the files, `kitti_tables` and `argoverse` describe them. If the camera's place
+in a log is wanted, `calibration/egovehicle_SE3_sensor.feather` has it.
 """
 
 from dataclasses import replace

@@ -123,9 +123,8 @@ def rig_text(rig: Rig, comment: str) -> str:
 
 def _middlebury(file: Path) -> Calibration:
     """The calibration in a `calib.txt`; its `doffs` is the distance of both cameras' cx."""
-    left, right = (
-        np.reshape(kitti_tables.named_numbers(file, 9, name), (3, 3)) for name in ("cam0", "cam1")
-    )
+    matrices = (kitti_tables.named_numbers(file, 9, name) for name in ("cam0", "cam1"))
+    left, right = (np.reshape(numbers, (3, 3)) for numbers in matrices)
     # The baseline is in mm.
     moved = -1e-3 * kitti_tables.named_numbers(file, 1, "baseline")[0] * right[:, :1]
     pair = np.hstack([left, 0.0 * moved]), np.hstack([right, moved])

@@ -215,9 +215,8 @@ def _image(name: str, message: Any) -> np.ndarray:
     rows = message.data.reshape(height, message.step)
     pixels = rows[:, : width * len(channels) * kind.itemsize].copy().view(kind)
     order = 0 if channels == "y" else [channels.index(one) for one in "bgr"]
-    return np.ascontiguousarray(
-        pixels.reshape(height, width, -1)[..., order], kind.newbyteorder("=")
-    )
+    image = pixels.reshape(height, width, -1)[..., order]
+    return np.ascontiguousarray(image, kind.newbyteorder("="))
 
 
 @remembered

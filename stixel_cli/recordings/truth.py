@@ -77,9 +77,8 @@ def rocking(poses: np.ndarray, level_from_camera: np.ndarray) -> tuple[np.ndarra
     The `poses` (K, 3, 4) are as in `planar_poses`; for the rotation (3, 3) see `Rig`.
     """
     pitches, heights = np.zeros(len(poses)), np.zeros(len(poses))
-    way = np.concatenate(
-        [[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :, 3], axis=0), axis=1))]
-    )
+    steps = np.linalg.norm(np.diff(poses[:, :, 3], axis=0), axis=1)
+    way = np.concatenate([[0.0], np.cumsum(steps)])
     for k in range(len(poses)):
         near = np.flatnonzero(way[: k + 1] >= way[k] - REACH)
         if np.ptp(way[near]) < LEAST_REACH:

@@ -30,16 +30,12 @@ def _continues(pixel, other, hits, tables, bend):
     if body[pixel] != body[other]:
         return False
     a, b = triangle[pixel], triangle[other]
-    texture, normals = texture0, normals0
-    if body[pixel] == 1:
-        texture, normals = texture1, normals1
+    texture, normals = (texture1, normals1) if body[pixel] == 1 else (texture0, normals0)
     if texture[a] != texture[b]:
         return False
-    product = (
-        normals[a, 0] * normals[b, 0]
-        + normals[a, 1] * normals[b, 1]
-        + normals[a, 2] * normals[b, 2]
-    )
+    product = 0.0
+    for axis in range(3):
+        product += normals[a, axis] * normals[b, axis]
     near, far = min(depth[pixel], depth[other]), max(depth[pixel], depth[other])
     return product >= bend and far - near <= EDGE_JUMP * near
 
@@ -81,11 +77,8 @@ def edge_pixels(masks, hits, tables, lit, colours, width):
             if other >= count or (step == 1 and column == width - 1):
                 continue
             other_light = lit[pixel] != lit[other]
-            if (
-                body[pixel] == body[other]
-                and triangle[pixel] == triangle[other]
-                and not other_light
-            ):
+            one_triangle = body[pixel] == body[other] and triangle[pixel] == triangle[other]
+            if one_triangle and not other_light:
                 continue
             same = _continues(pixel, other, hits, tables, EDGE_BEND)
             if other_light and same:
@@ -117,13 +110,9 @@ def unclear_pixels(unclear, hits, tables, lit, width):
         if clear:
             for step in (-1, 1, -width, width):
                 other = pixel + step
-                if (
-                    lit[other] == agreed
-                    and triangle[pixel] == triangle[other]
-                    and body[pixel] == body[other]
-                ):
-                    continue
-                if lit[other] != agreed or not _continues(pixel, other, hits, tables, FLAT):
+                same = triangle[pixel] == triangle[other] and body[pixel] == body[other]
+                same = same or _continues(pixel, other, hits, tables, FLAT)
+                if lit[other] != agreed or not same:
                     clear = False
                     break
         if clear:

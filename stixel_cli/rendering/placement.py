@@ -92,11 +92,9 @@ class Camera:
     def seen_from(self, world_from_body: np.ndarray) -> "Camera":
         """This camera of the world in the frame of a body with the pose (4, 4)."""
         turn, shift = world_from_body[:3, :3], world_from_body[:3, 3]
-        return replace(
-            self,
-            rotation=np.ascontiguousarray(turn.T @ self.rotation),
-            origin=np.ascontiguousarray(turn.T @ (self.origin - shift)),
-        )
+        seen = turn.T @ self.rotation, turn.T @ (self.origin - shift)
+        rotation, origin = map(np.ascontiguousarray, seen)
+        return replace(self, rotation=rotation, origin=origin)
 
     @property
     def pinhole(self) -> tuple[np.ndarray, np.ndarray, float, float, float]:

@@ -83,9 +83,8 @@ class Target:
     def surfaces(self, limb_pose: int) -> Surfaces:
         """The surfaces of the mesh with the index `limb_pose`, built at the first call."""
         if limb_pose not in self._surfaces:
-            self._surfaces[limb_pose] = with_other_vertices(
-                self._surfaces[0], self._meshes[limb_pose]
-            )
+            mesh = self._meshes[limb_pose]
+            self._surfaces[limb_pose] = with_other_vertices(self._surfaces[0], mesh)
         return self._surfaces[limb_pose]
 
 
@@ -98,16 +97,12 @@ def _static_scene(
 
 
 def render_frame(
-    static: StaticScene, target: Target, scenario: Scenario, k: int, whole: bool = False
+    static: StaticScene, target: Target, scenario: Scenario, k: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Left and right RGB (H, W, 3) uint8, depth (H, W) m and ids (H, W) uint8 of frame `k`.
-
-    `whole` renders whole images where a rectangle would do: slower, with the same bytes.
-    """
+    """Left and right RGB (H, W, 3) uint8, depth (H, W) m and ids (H, W) uint8 of frame `k`."""
     pose = placement.world_from_target_3d(scenario.target_poses_world[k])
     body = Body(target.surfaces(int(scenario.limb_poses[k])), pose)
-    (left, depth, ids), (right, _, _) = (
-        view_with_target(view, body, target.corners, whole)
-        for view in static.views(scenario.ego_poses_world[k])
-    )
+    views = static.views(scenario.ego_poses_world[k])
+    seen = (view_with_target(view, body, target.corners) for view in views)
+    (left, depth, ids), (right, _, _) = seen
     return left, right, depth, ids

@@ -56,10 +56,7 @@ def _filtered(textures, texture, place, right, below, finer):
     longest = np.sqrt(middle + half)
     shortest = np.sqrt(max(middle - half, 0.0))
     # The unit vector of the long axis: the better conditioned of the two columns.
-    if a >= c:
-        along_s, along_t = middle + half - c, b
-    else:
-        along_s, along_t = b, middle + half - a
+    along_s, along_t = (middle + half - c, b) if a >= c else (b, middle + half - a)
     norm = np.sqrt(along_s * along_s + along_t * along_t)
     across_s = across_t = 0.0
     if norm > 0.0:

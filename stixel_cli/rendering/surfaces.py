@@ -10,6 +10,7 @@ from stixel_cli.rendering.frames import encoded
 from stixel_cli.rendering.shading import GREEN, RED, TEXEL_STEP
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.open3d_import import import_open3d_bindings
+from stixel_cli.scene.shapes import joined
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,8 @@ class RayTree:
         library = import_open3d_bindings()
         self._tensor = library.core.Tensor
         self._scene = library.t.geometry.RaycastingScene(nthreads=1)
-        self._scene.add_triangles(
-            self._tensor(vertices.astype(np.float32)), self._tensor(triangles.astype(np.uint32))
-        )
+        arrays = vertices.astype(np.float32), triangles.astype(np.uint32)
+        self._scene.add_triangles(*map(self._tensor, arrays))
 
     def first_hits(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parameter (n,) float32 and triangle (n,) int32 (-1: no hit) of `rays` (n, 6) float32."""
@@ -104,11 +104,8 @@ def with_other_vertices(surfaces: Surfaces, mesh: Mesh) -> Surfaces:
 def _geometry(meshes: list[Mesh]) -> dict[str, Any]:
     """The attributes of `Surfaces` that depend on vertices."""
     parts = [part for mesh in meshes for part in mesh]
-    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
-    vertices = np.concatenate([np.asarray(part.vertices, dtype=np.float64) for part in parts])
-    counted = zip(parts, starts, strict=False)
-    triangles = np.concatenate([np.asarray(p.triangles, np.int64) + start for p, start in counted])
-    uvs = np.concatenate([np.asarray(part.uvs, dtype=np.float64) for part in parts])
+    vertices, triangles = joined([(part.vertices, part.triangles) for part in parts])
+    uvs = np.concatenate([part.uvs for part in parts])
     corners = vertices[triangles]
     normals, offsets = _planes(corners)
     return {

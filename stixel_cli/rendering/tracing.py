@@ -1,8 +1,6 @@
 """Colour, depth and identity of samples: rays to a scene's bodies, and from there to the sun.
 
-A sample is a point (u, v) in px on the image of a camera. The kernels get a camera as its
-`pinhole`, in the frame of the body in question. Directions have depth 1 along the optical axis, so
-a ray's parameter is the depth in m.
+For samples and directions see `shading`. The kernels get a camera as its `Camera.pinhole`.
 """
 
 from collections.abc import Iterable

@@ -80,20 +80,17 @@ def _sunlit_static(shot: Shot, hits: Hits) -> np.ndarray:
 
 
 def view_with_target(
-    view: StaticView, target: Body, corners_target: np.ndarray, whole: bool = False
+    view: StaticView, target: Body, corners_target: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`view` with the target and its shadow in it.
 
     Picture (H, W, 3) uint8 sRGB, depth (H, W) float64 m with inf for the sky, ids (H, W) uint8.
-    `corners_target` (8, 3) m are those of the target's box in its own frame. With `whole` not just
-    the rectangle is rendered that can change; the bytes are the same.
+    `corners_target` (8, 3) m are those of the target's box in its own frame.
     """
     shot = replace(view.shot, bodies=(*view.shot.bodies, target))
     height, width = shot.camera.height, shot.camera.width
     picture, depth, ids = view.picture.copy(), view.hits.depth.copy(), view.ids.copy()
-    body_box = box = (0, height, 0, width)
-    if not whole:
-        body_box, box = _touched_rectangles(shot, corners_target)
+    body_box, box = _touched_rectangles(shot, corners_target)
     top, bottom, left, right = box
     if top < bottom:
         pixels = (np.arange(top, bottom)[:, None] * width + np.arange(left, right)).ravel()
@@ -131,9 +128,8 @@ def _centres_with_target(
     """
     hits, lit, plain = view.hits.at(pixels), view.lit[pixels], view.plain[pixels]
     # The target, where it is nearer than the static scene.
-    target_depth, triangle = tracing.intersect(
-        shot.bodies[1], shot.camera, hits.u[near], hits.v[near]
-    )
+    samples = hits.u[near], hits.v[near]
+    target_depth, triangle = tracing.intersect(shot.bodies[1], shot.camera, *samples)
     nearer = target_depth < hits.depth[near]
     over = np.zeros(len(pixels), dtype=bool)
     over[near] = nearer

@@ -63,13 +63,10 @@ def page_html(found: Assessment, command: str) -> str:
 
 
 def error_map(image: np.ndarray, stixels: Stixels, errors: AreaErrors) -> bytes:
-    """PNG of the first frame's stixels in the colours of their errors.
+    """PNG of the first frame's stixels in the colours of their errors, over the left image.
 
-    Blue is too far, red too near. Stixels without enough true disparities are outlines.
-
-    Args:
-        image: (H, W) or (H, W, 3) uint8, of the left camera.
-        stixels, errors: the stixels, and their errors.
+    Blue is too far, red too near. Stixels without enough true disparities are outlines. The image
+    is (H, W) or (H, W, 3) uint8.
     """
     height, width = image.shape[:2]
     sides = np.stack([stixels.left, stixels.right, stixels.right, stixels.left], axis=1)

@@ -87,5 +87,4 @@ def page_template(package: str, name: str) -> jinja2.Template:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.globals["run_colours"] = style.RUNS
     return environment.get_template(f"{name}.j2")

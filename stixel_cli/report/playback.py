@@ -206,10 +206,8 @@ def playback_html(
 ) -> str:
     """The page of one or more computed runs of one scene; the same runs give the same bytes.
 
-    Args:
-        runs: their `label` is their name in the legend.
-        notes: lines below the title.
-        folders: name of each run's folder; empty to show no folders.
+    Their `label` is their name in the legend, and that in `folders`, unless empty, of their folder;
+    `notes` are lines below the title.
     """
     scripts = [f"playback_{name}.js" for name in SCRIPTS]
     data = playback_data(runs, title, notes, folders)

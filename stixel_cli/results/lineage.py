@@ -62,9 +62,8 @@ class StageLineage:
     """Of its nodes, in the order of their frames."""
     digests: tuple[str | None, ...]
     """Of the stored result of each key; None for an evicted one."""
-    files: Mapping[str, str] | None = None
-    """Path of each user file that it reads -> digest of its content; None in a folder of an older
-    version."""
+    files: Mapping[str, str]
+    """Path of each user file that it reads -> digest of its content."""
 
 
 @dataclass(frozen=True)
@@ -74,41 +73,35 @@ class Lineage:
     stages: Mapping[str, StageLineage]
     """By name."""
     code: Mapping[str, str] | None
-    """Module -> digest, by name, of all code that the stages reach; None if unknown: in a folder of
-    an older version, or for a run that was moved out of its sweep."""
+    """Module -> digest, by name, of all code that the stages reach; None if unknown: for a run that
+    was moved out of its sweep."""
     sources: Mapping[str, tuple[Path, str]] = field(default_factory=dict)
     """Of the user's modules, module -> file and SHA-256 of its bytes when the run was planned; of a
     new run only."""
 
 
 def lineage_of(
-    graph: Graph,
-    keys: Container[str],
-    store: Store | None,
-    known: MutableMapping[str, str] | None = None,
+    graph: Graph, keys: Container[str], store: Store, known: MutableMapping[str, str]
 ) -> Lineage:
-    """The lineage of the nodes `keys` of an experiment's graph, which are all computed.
+    """The lineage of the nodes `keys` of an experiment's graph, whose results are in the `store`.
 
-    Args:
-        graph: of the experiment.
-        keys: of its nodes.
-        store: that has their results; None to leave out the digests of these.
-        known: digests by key, so that shared nodes are looked up once.
-
-    CacheError if the store cannot be read.
+    `known` gets the digests of results by key, so that shared nodes are looked up once. CacheError
+    if the store cannot be read.
     """
-    known = {} if known is None else known
     stages, code, sources = {}, {}, {}
     for name in graph.stages:
         nodes = [node for node in graph.of_stage(name) if node.key in keys]
         if not nodes:
             continue
+        for key in (node.key for node in nodes if node.key not in known):
+            with suppress(MissingEntry, KeyError):
+                known[key] = str(store.meta(key)["digest"])[:16]
         content, reached = nodes[0].identity.content, nodes[0].identity.code
         stages[name] = StageLineage(
             settings=settings_digest(content),
             versions={"python": content["python"], **content["versions"]},
             keys=tuple(node.key for node in nodes),
-            digests=tuple(_stored_digest(node.key, store, known) for node in nodes),
+            digests=tuple(known.get(node.key) for node in nodes),
             files=dict(zip(map(str, nodes[0].stage.files), content["files"], strict=True)),
         )
         code |= reached.modules
@@ -124,14 +117,6 @@ def settings_digest(content: Mapping[str, Any], files: Iterable[str] | None = No
     names = ("function", "pattern", "settings", "seed", "files")
     given = {name: content[name] for name in names}
     return digest(given if files is None else given | {"files": list(files)})[:16]
-
-
-def _stored_digest(key: str, store: Store | None, known: MutableMapping[str, str]) -> str | None:
-    if key in known or store is None:
-        return known.get(key)
-    with suppress(MissingEntry, KeyError):
-        known[key] = str(store.meta(key)["digest"])[:16]
-    return known.get(key)
 
 
 def lineage_tree(lineage: Lineage, code: str | None = None) -> dict[str, Any]:
@@ -166,11 +151,9 @@ def read_lineage(folder: Path) -> Lineage | None:
             name = TypeAdapter(_CodeName).validate_python(code)
             file = folder.resolve().parent.parent / CODE_FOLDER / f"{name}.json"
             code = read_json(file) if file.exists() else None
-        # An older version has digests of functions.
-        known = code is not None and all(isinstance(digest, str) for digest in code.values())
-    except (KeyError, AttributeError, ValueError):
+        return Lineage(stages, TypeAdapter(dict[str, str] | None).validate_python(code))
+    except (KeyError, ValueError):
         raise UserError(f"{file}: not a valid lineage of a run") from None
-    return Lineage(stages, dict(code) if known else None)
 
 
 def provenance() -> dict[str, Any]:
@@ -337,26 +320,21 @@ def first_changed_stage(old: Lineage, new: Lineage, graph: Graph) -> StageDiffer
 
 
 def _causes(
-    before: StageLineage,
-    after: StageLineage,
-    code: Mapping[str, str] | None,
-    node: Node,
+    before: StageLineage, after: StageLineage, code: Mapping[str, str] | None, node: Node
 ) -> Iterator[str]:
     """Causes why a stage with the same inputs has another key."""
     for package, version in after.versions.items():
         then = before.versions.get(package)
         if then != version:
             yield f"{package} {then or 'missing'} → {version or 'missing'}"
-    for path, content in (after.files or {}).items():
-        then = (before.files or {}).get(path)
-        if then is not None and then != content:
+    for path, content in after.files.items():
+        if before.files.get(path, content) != content:
             yield f"the content of {path} changed"
     # The current settings with the old content of the files.
-    old, paths = before.files or {}, [str(path) for path in node.stage.files]
+    old, paths = before.files, [str(path) for path in node.stage.files]
     contents = [old[path] for path in paths] if set(paths) == set(old) else None
     if before.settings != settings_digest(node.identity.content, contents):
-        files = ", ".join(after.files or {}) if before.files is None else ""
-        yield f"{ALTERED[:-1]}, or {files}?" if files else ALTERED
+        yield ALTERED
     if code is None:
         yield "unknown code changes: the folder does not record its code"
         return

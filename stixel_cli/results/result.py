@@ -91,10 +91,8 @@ def flat_settings(content: dict[str, Any], prefix: str = "") -> dict[str, str]:
         match value:
             case dict():
                 settings |= flat_settings(value, f"{key}.")
-            case None:
-                settings[key] = "null"
-            case bool():
-                settings[key] = str(value).lower()
+            case None | bool():
+                settings[key] = json.dumps(value)
             case float() if value.is_integer():
                 settings[key] = str(int(value))  # 3 and 3.0 are the same setting
             case list():

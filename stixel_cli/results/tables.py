@@ -9,7 +9,7 @@ import numpy as np
 from stixel_cli.errors import UserError, located
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.files import read_arrays
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation, world_from_ego, wrap_angle
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotations, world_from_ego, wrap_angle
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth
 from stixel_cli.measurements.scans import Scans
@@ -28,14 +28,10 @@ def pose_columns(times: np.ndarray, poses_world: np.ndarray) -> dict[str, np.nda
 def scans_in_ego_frame(scans: Scans, ego_poses_world: np.ndarray) -> dict[str, np.ndarray]:
     """The table of the scans in the frame of the ego car, whose pose at each k is in (K, 3)."""
     poses = np.repeat(ego_poses_world, np.diff(scans.offsets), axis=0)
-    turn, away = _turns(poses[:, 2]), scans.points_world - poses[:, :2]
-    return scan_columns(
-        replace(
-            scans,
-            points_world=(turn @ away[:, :, None])[:, :, 0],
-            covariances_world=turn @ scans.covariances_world @ turn.swapaxes(1, 2),
-        )
-    )
+    turn, away = rotations(STRAIGHT_AHEAD - poses[:, 2]), scans.points_world - poses[:, :2]
+    points = (turn @ away[:, :, None])[:, :, 0]
+    covariances = turn @ scans.covariances_world @ turn.swapaxes(1, 2)
+    return scan_columns(replace(scans, points_world=points, covariances_world=covariances))
 
 
 def track_in_ego_frame(track: Track, ego_poses_world: np.ndarray) -> dict[str, np.ndarray]:
@@ -49,7 +45,7 @@ def track_in_ego_frame(track: Track, ego_poses_world: np.ndarray) -> dict[str, n
         k, t (s), x, y (m), heading (rad), x_rate, y_rate (m/s), heading_rate (rad/s), and for each
         of the six std_….
     """
-    turn, means = _turns(ego_poses_world[:, 2]), track.means.copy()
+    turn, means = rotations(STRAIGHT_AHEAD - ego_poses_world[:, 2]), track.means.copy()
     means[:, :3] -= ego_poses_world - [0.0, 0.0, STRAIGHT_AHEAD]
     means[:, 2] = wrap_angle(means[:, 2])
     covariances = track.covariances.copy()
@@ -58,11 +54,6 @@ def track_in_ego_frame(track: Track, ego_poses_world: np.ndarray) -> dict[str, n
         covariances[:, xy, xy] = turn @ covariances[:, xy, xy] @ turn.swapaxes(1, 2)
     k = np.arange(len(track.times))
     return {"k": k, "t": track.times, **state_columns(means, covariances)}
-
-
-def _turns(headings: np.ndarray) -> np.ndarray:
-    """Rotations (n, 2, 2) from the world's axes to those of the ego car with headings (n,) rad."""
-    return np.moveaxis(rotation(STRAIGHT_AHEAD - headings), 2, 0)
 
 
 def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
@@ -181,12 +172,8 @@ def object_columns(
 
     k, t (s), object (number in the frame, from 0), stixels, left, right, top, base (px, columns
     left … right - 1, rows top … base), and in the world frame x, y (m, the centre), length and
-    width (m), heading (rad, along the length; either end may be the front).
-
-    Args:
-        objects: chunks in the order of their frames.
-        times: (K,) s.
-        ego_poses_world: (K, 3).
+    width (m), heading (rad, along the length; either end may be the front). `times` (K,) are in s,
+    the poses (K, 3).
     """
     counts = np.concatenate([np.diff(one.offsets) for one in objects])
     k = np.repeat(np.arange(len(counts)), counts)

@@ -81,10 +81,9 @@ def _gable(low, high, height, ridge):
 
 
 def _chimney(low, high, height):
-    low, high = np.asarray(low), np.asarray(high)
-    corner = low + 0.3 * (high - low)
-    depth = np.min(high - low)
-    return box((*corner, height), (*(corner + 0.8), height + 0.40 * depth))
+    sides = np.subtract(high, low)
+    corner = low + 0.3 * sides
+    return box((*corner, height), (*(corner + 0.8), height + 0.40 * np.min(sides)))
 
 
 def tower(
@@ -118,27 +117,19 @@ def tree(
     lumps = []
     for i in range(5):
         angle = 2.0 * np.pi * i / 4 + draws.uniform(-0.4, 0.4)
-        out = 0.16 * height if i < 4 else 0.0
-        centre = np.array(
-            [
-                x + out * np.cos(angle),
-                y + out * np.sin(angle),
-                crown + height * draws.uniform(-0.06, 0.06) + (0.14 * height if i == 4 else 0.0),
-            ]
-        )
+        out, up = (0.16 * height, 0.0) if i < 4 else (0.0, 0.14 * height)
+        middle = crown + height * draws.uniform(-0.06, 0.06) + up
+        centre = np.array([x + out * np.cos(angle), y + out * np.sin(angle), middle])
         radii = height * np.array([0.17, 0.17, 0.20]) * draws.uniform(0.85, 1.1)
         vertices, triangles = ellipsoid(centre, radii, 6, 9)
-        lumps.append(
-            (vertices + 0.035 * height * draws.normal(size=vertices.shape) * 0.5, triangles)
-        )
+        uneven = 0.035 * height * draws.normal(size=vertices.shape) * 0.5
+        lumps.append((vertices + uneven, triangles))
     return part("trunk", surfaces, bark, 1.0), part("crown", lumps, foliage, 2.5)
 
 
-def lamp_post(
-    place: ArrayLike, height: float, reach: ArrayLike, metal: np.ndarray, glass: np.ndarray
-) -> Mesh:
-    """A lamp post of `height` m at `place` (2,) m, its arm of `reach` (2,) m."""
-    x, y = place
+def lamp_post(place: ArrayLike, reach: ArrayLike, metal: np.ndarray, glass: np.ndarray) -> Mesh:
+    """A lamp post of 6.2 m at `place` (2,) m, its arm of `reach` (2,) m."""
+    (x, y), height = place, 6.2
     tip = np.array([x + reach[0], y + reach[1], height])
     pole = [
         tube([(x, y, 0.0), (x, y, 1.1)], [0.10, 0.09], 6),
@@ -202,14 +193,17 @@ MARK = 0.004
 
 PAVEMENTS = (
     # x0, y0, x1, y1, m: before the houses on either side of the street, and about the square.
-    (-60.0, 31.6, -5.2, 36.0),
-    (5.2, 31.6, 60.0, 36.0),
-    (-8.0, 36.0, -5.2, 96.0),
-    (5.2, 36.0, 8.0, 96.0),
-    (-24.0, -18.0, -18.6, 31.6),
-    (18.6, -18.0, 24.0, 31.6),
+    (-60.0, 31.6, -5.2, 36.0), (5.2, 31.6, 60.0, 36.0), (-8.0, 36.0, -5.2, 96.0),
+    (5.2, 36.0, 8.0, 96.0), (-24.0, -18.0, -18.6, 31.6), (18.6, -18.0, 24.0, 31.6),
     (-18.6, -18.0, 18.6, -13.0),
-)
+)  # fmt: skip
+
+PATCHES = (
+    # Mended asphalt: dark rectangles as above, which break up the repetition of the texture.
+    (-7.5, 9.0, -4.6, 14.5), (1.2, 6.2, 2.4, 9.4), (3.2, 19.5, 8.4, 21.0),
+    (-1.6, 23.2, 3.5, 24.6), (-11.0, 24.0, -6.2, 25.0), (8.8, 11.0, 10.2, 26.0),
+    (-2.8, 3.0, -1.6, 6.0), (-4.6, 38.0, -1.0, 47.0), (1.5, 55.0, 4.6, 61.0),
+)  # fmt: skip
 
 
 def ground(contrast: float) -> Mesh:
@@ -222,7 +216,7 @@ def ground(contrast: float) -> Mesh:
     kerb = mottled("kerb", (168, 166, 160), 0.05 + 0.15 * contrast)
     return (
             flat("asphalt", [(-REACH, -REACH, REACH, REACH)], 0.0, tarred, 7.3),
-            flat("patches", _patches(), 0.5 * MARK, dark, 5.1),
+            flat("patches", PATCHES, 0.5 * MARK, dark, 5.1),
             flat("marks", _marks(), MARK, white, 1.0),
             flat("covers", [(2.1, 14.2, 2.8, 14.9), (-3.4, 21.0, -2.7, 21.7)], MARK, iron, 0.7),
             flat("pavements", PAVEMENTS, KERB, stones, 4.0),
@@ -264,18 +258,3 @@ def _marks():
     guides = [(x - 0.07, y, x + 0.07, y + 1.5) for x in (-4.0, 0.0, 4.0)
               for y in np.arange(-10.0, 27.0, 3.0)]  # fmt: skip
     return street + zebra + stop + bays + guides
-
-
-def _patches():
-    """Mended asphalt: dark rectangles, which break up the repetition of the texture."""
-    return [
-        (-7.5, 9.0, -4.6, 14.5),
-        (1.2, 6.2, 2.4, 9.4),
-        (3.2, 19.5, 8.4, 21.0),
-        (-1.6, 23.2, 3.5, 24.6),
-        (-11.0, 24.0, -6.2, 25.0),
-        (8.8, 11.0, 10.2, 26.0),
-        (-2.8, 3.0, -1.6, 6.0),
-        (-4.6, 38.0, -1.0, 47.0),
-        (1.5, 55.0, 4.6, 61.0),
-    ]

@@ -91,16 +91,9 @@ _HALF_WIDTH = (
     (0.48, 0.63, 0.755, 0.805, 0.83, 0.83, 0.80, 0.73, 0.62, 0.45),
 )
 # Height (share of sill to top) and breadth (share of the half width) of a cross-section, upwards.
-_SECTION = np.array(
-    [
-        [0.0, 0.90],
-        [0.06, 0.965],
-        [0.30, 0.99],
-        [0.58, 1.0],
-        [0.80, 0.985],
-        [0.93, 0.95],
-        [1.0, 0.86],
-    ]
+_SECTION = (
+    np.array([0.0, 0.06, 0.30, 0.58, 0.80, 0.93, 1.0]),
+    np.array([0.90, 0.965, 0.99, 1.0, 0.985, 0.95, 0.86]),
 )
 
 
@@ -170,8 +163,8 @@ def _body(shape):
         along = shape.stretch * (stations - x)
         lift = np.sqrt(np.maximum(ARCH_RADIUS**2 - along**2, 0.0))
         sill = np.maximum(sill, np.where(lift > 0.0, WHEEL_RADIUS + lift, 0.0))
-    heights = sill[:, None] + (top - sill)[:, None] * _SECTION[:, 0]
-    breadths = width[:, None] * _SECTION[:, 1]
+    heights = sill[:, None] + (top - sill)[:, None] * _SECTION[0]
+    breadths = width[:, None] * _SECTION[1]
     along = np.broadcast_to(stations[:, None], heights.shape)
     left = np.stack([along, breadths, heights], axis=-1)
     right = left[:, ::-1] * np.array([1.0, -1.0, 1.0])
@@ -214,7 +207,7 @@ def _cabin(painted: np.ndarray, shape: CarShape) -> tuple[Part, Part]:
     place = np.arange(points) % (per_side + per_corner)
     side = np.arange(points) // (per_side + per_corner)
     glass = (place >= per_corner) & (place < per_side + per_corner)
-    post = np.where(side % 2 == 0, np.isin(place - per_corner, (6,)), False)
+    post = (side % 2 == 0) & (place - per_corner == 6)
     window = np.zeros(quads.shape[:2], dtype=bool)
     window[1:3] = glass & ~post
     last = points * (len(levels) - 1)
@@ -225,20 +218,18 @@ def _cabin(painted: np.ndarray, shape: CarShape) -> tuple[Part, Part]:
     body = shapes.quads_to_triangles(quads)
     _, triangles = shapes.outward(vertices, np.concatenate([body, lid]))
     chosen = np.concatenate([np.repeat(window.reshape(-1), 2), np.zeros(points, dtype=bool)])
-    glazing = mottled("glass", (48, 58, 66), 0.20)
-    parts = []
-    for name, rows, texture, tile in (
-        ("cabin", ~chosen, painted, 1.1),
-        ("windows", chosen, glazing, 1.6),
-    ):
+
+    def covered(name: str, rows: np.ndarray, texture: np.ndarray, tile: float) -> Part:
         kept = np.ascontiguousarray(triangles[rows])
-        parts.append(Part(vertices, kept, shapes.cube_uvs(vertices, kept, tile), texture, name))
-    return parts[0], parts[1]
+        return Part(vertices, kept, shapes.cube_uvs(vertices, kept, tile), texture, name)
+
+    glazing = mottled("glass", (48, 58, 66), 0.20)
+    return covered("cabin", ~chosen, painted, 1.1), covered("windows", chosen, glazing, 1.6)
 
 
 def _side(x, share, shape):
     """Points (n, 3) on the left flank at `x` and at the share of the height from sill to top."""
-    breadth = np.interp(share, _SECTION[:, 0], _SECTION[:, 1])
+    breadth = np.interp(share, *_SECTION)
     sill = shapes.monotone(_SILL, x)
     height = sill + share * (_top(x, shape) - sill)
     return np.stack([x, _half_width(x, shape) * breadth, height], axis=-1)
@@ -296,10 +287,8 @@ def _rims():
         for sign in (1, -1):
             centre = np.array([x, sign * (WHEEL_Y + 0.095), WHEEL_RADIUS])
             ring = [(-0.02, 0.185), (-0.02, 0.225), (0.012, 0.225), (0.012, 0.185)]
-            surfaces.append(shapes.hoop(ring, centre, 20))
-            surfaces.append(
-                shapes.lathe([(-0.02, 0.05), (0.013, 0.05), (0.017, 0.035)], centre, 12)
-            )
+            hub = [(-0.02, 0.05), (0.013, 0.05), (0.017, 0.035)]
+            surfaces += [shapes.hoop(ring, centre, 20), shapes.lathe(hub, centre, 12)]
             for spoke in range(5):
                 angle = 2.0 * np.pi * spoke / 5 + 0.3
                 reach = np.array([np.cos(angle), 0.0, np.sin(angle)])

@@ -109,10 +109,7 @@ def mesh(contrast: float, shape: CyclistShape = STANDARD) -> Mesh:
     neck = tube(shape.on_body([(0.10, 0.0, 1.43), (0.165, 0.0, 1.55)]), 0.05, 12)
     helmet = ellipsoid(shape.on_body((0.165, 0.0, 1.655)), (0.135, 0.095, 0.095), 10, 18)
     jacket = cloth(shape.jacket, contrast, 4)
-    sneakers, rubber = (
-        mottled("sneakers", (196, 194, 190), 0.2),
-        mottled("rubber", (40, 40, 42), 0.25),
-    )
+    rubber = mottled("rubber", (40, 40, 42), 0.25)
     places = (shape.on_bar((0.305, side * 0.262, 1.01)) for side in (1, -1))
     hands = [ellipsoid(place, (0.05, 0.032, 0.035), 6, 10) for place in places]
     return (
@@ -123,7 +120,7 @@ def mesh(contrast: float, shape: CyclistShape = STANDARD) -> Mesh:
         part("cranks", moving["cranks"], mottled("saddle", (36, 34, 33), 0.25), 0.3),
         part("jacket", [_torso(shape), *_sleeves(shape)], jacket, 0.8),
         part("trousers", moving["trousers"], cloth(shape.trousers, contrast), 0.5),
-        part("shoes", moving["shoes"], sneakers, 0.3),
+        part("shoes", moving["shoes"], mottled("sneakers", (196, 194, 190), 0.2), 0.3),
         part("skin", [head, neck, *hands], mottled("skin", SKIN, 0.10), 0.5),
         part("helmet", [helmet], paint((206, 210, 214), 0.4 * contrast), 0.4),
         *_luggage(shape, contrast),
@@ -148,9 +145,8 @@ def limbs(shape: CyclistShape, turn: float) -> dict[str, list[Surface]]:
         hip = np.add(shape.hip, (0.02, 0.085 * side * shape.breadth, 0.0))
         bend = knee(hip, ankle, 0.46 * shape.size, 0.445 * shape.size)
         bend[1] = 0.12 * side
-        trousers.append(
-            tube([hip, bend, ankle], np.array([0.092, 0.065, 0.044]) * shape.breadth, 12)
-        )
+        radii = np.array([0.092, 0.065, 0.044]) * shape.breadth
+        trousers.append(tube([hip, bend, ankle], radii, 12))
         foot = pedal + np.array([(-0.06, 0.12 * side, 0.065), (0.0, 0.12 * side, 0.05),
                                  (0.11, 0.125 * side, 0.03)])  # fmt: skip
         shoes.append(tube(foot, [0.040, 0.042, 0.032], 10))
@@ -198,13 +194,10 @@ def _spokes(hubs):
 
 def _black(shape):
     saddle = [(-0.36, 0.0, 0.875), (-0.25, 0.0, 0.875), (-0.10, 0.0, 0.87)]
-    return [
-        tube(np.add(shape.on_bicycle(saddle), (0.0, 0.0, shape.raised)), [0.050, 0.058, 0.025], 10),
-        *(
-            tube(shape.on_bar([(0.31, side * 0.262, 0.99), (0.27, side * 0.282, 0.99)]), 0.019, 8)
-            for side in (1, -1)
-        ),
-    ]
+    saddle = np.add(shape.on_bicycle(saddle), (0.0, 0.0, shape.raised))
+    grips = ([(0.31, side * 0.262, 0.99), (0.27, side * 0.282, 0.99)] for side in (1, -1))
+    tubes = [tube(shape.on_bar(grip), 0.019, 8) for grip in grips]
+    return [tube(saddle, [0.050, 0.058, 0.025], 10), *tubes]
 
 
 def _torso(shape):
@@ -240,10 +233,8 @@ def _luggage(shape: CyclistShape, contrast: float) -> list[Part]:
     if shape.coat:
         # Its tails hang over the saddle.
         tails = [(-0.20, 0.0, 1.02), (-0.30, 0.0, 0.92), (-0.40, 0.0, 0.74)]
-        points = np.add(tails, (0.0, 0.0, shape.raised))
-        parts.append(
-            part("coat", [tube(points, [0.15, 0.17, 0.13])], cloth(shape.jacket, contrast), 0.8)
-        )
+        coat = tube(np.add(tails, (0.0, 0.0, shape.raised)), [0.15, 0.17, 0.13])
+        parts.append(part("coat", [coat], cloth(shape.jacket, contrast), 0.8))
     if shape.backpack:
         bag = ellipsoid(shape.on_body((-0.19, 0.0, 1.27)), (0.13, 0.15, 0.20), 10, 16)
         parts.append(part("backpack", [bag], cloth(shape.trousers, contrast, 3), 0.6))

@@ -447,8 +447,7 @@ def file_beside(path: Path, line: str) -> Path | None:
 def _names(path: Path) -> tuple[str, ...]:
     """Lines that end with a name, read once for all runs of a sweep."""
     content = read_bytes(path, GREATEST_ARRAYS)
-    lines = (
-        content[max(0, found.end() - LONGEST) : found.end()] for found in ENDS.finditer(content)
-    )
+    stops = (found.end() for found in ENDS.finditer(content))
+    lines = (content[max(0, stop - LONGEST) : stop] for stop in stops)
     ends = (re.split(rb"[\r\n\"]", line)[-1] for line in lines)
     return tuple(dict.fromkeys(end.decode("utf-8", "replace") for end in ends))

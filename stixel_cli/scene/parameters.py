@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, get_args
 
+import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 
 from stixel_cli.parameters import parameters
@@ -84,10 +85,9 @@ class RoadUser:
 
         The content of the file is checked on reading.
         """
-        if self.mesh is not None and self.shape_seed is not None:
-            raise ValueError(
-                f"road_user.shape_seed: must be null with road_user.mesh, got {self.shape_seed}"
-            )
+        seed = self.shape_seed
+        if self.mesh is not None and seed is not None:
+            raise ValueError(f"road_user.shape_seed: must be null with road_user.mesh, got {seed}")
         if self.mesh is not None and not os.path.isfile(self.mesh):
             raise ValueError(f"road_user.mesh: file not found: {self.mesh!r}")
         if self.mesh_forward.endswith(self.mesh_up):
@@ -155,11 +155,9 @@ class _Driven:
 
     def check(self) -> None:
         """Raise ValueError if the values contradict each other."""
+        duration, step = f"{self.duration:g} s", f"{self.sample_time:g} s"
         if self.sample_time > self.duration:
-            raise ValueError(
-                f"path.sample_time: must be <= path.duration ({self.duration:g} s), "
-                f"got {self.sample_time:g} s"
-            )
+            raise ValueError(f"path.sample_time: must be <= path.duration ({duration}), got {step}")
         if self.duration / self.sample_time > MOST_SCANS:
             raise ValueError(
                 f"path.duration: {self.duration:g} s with path.sample_time={self.sample_time:g} s "
@@ -202,26 +200,15 @@ class Line(_FromStart):
     def check(self) -> None:
         """Raise ValueError if the values contradict each other."""
         super().check()
-        along_x, along_y = (
-            math.cos(math.radians(self.heading)),
-            math.sin(math.radians(self.heading)),
-        )
-        away = self.start[0] * along_x + self.start[1] * along_y
+        heading = math.radians(self.heading)
+        away = self.start[0] * math.cos(heading) + self.start[1] * math.sin(heading)
+        approach = "from path.start does not approach the camera; path=approach must (-90 is"
+        depart = "from path.start approaches the camera; path=depart must not (90 is"
+        crossing = "does not go from left to right; path=crossing must (0 is straight across)"
         fits, fault = {
-            "approach": (
-                away < 0.0,
-                "from path.start does not approach the camera; path=approach must "
-                "(-90 is straight towards it)",
-            ),
-            "depart": (
-                away > 0.0,
-                "from path.start approaches the camera; path=depart must not "
-                "(90 is straight away from it)",
-            ),
-            "crossing": (
-                along_x > 0.0,
-                "does not go from left to right; path=crossing must (0 is straight across)",
-            ),
+            "approach": (away < 0.0, f"{approach} straight towards it)"),
+            "depart": (away > 0.0, f"{depart} straight away from it)"),
+            "crossing": (math.cos(heading) > 0.0, crossing),
         }[self.kind]
         if not fits:
             raise ValueError(f"path.heading: {self.heading:g} degrees {fault}")
@@ -307,17 +294,13 @@ class Waypoints(_Driven):
         if len(self.points) < 2:
             raise ValueError(f"path.points: must have at least two points, got {len(self.points)}")
         _check_start(self.points[0], "path.points")
-        chords = [
-            (b[0] - a[0], b[1] - a[1]) for a, b in zip(self.points, self.points[1:], strict=False)
-        ]
-        lengths = [math.hypot(*chord) for chord in chords]
-        for i, length in enumerate(lengths):
-            if length < 0.01:
-                raise ValueError(f"path.points: points {i} and {i + 1} are the same")
-        for i in range(1, len(chords)):
-            dot = chords[i - 1][0] * chords[i][0] + chords[i - 1][1] * chords[i][1]
-            if dot < -0.98 * lengths[i - 1] * lengths[i]:
-                raise ValueError(f"path.points: the path turns back on itself at point {i}")
+        chords = np.diff(self.points, axis=0)
+        lengths = np.hypot(*chords.T)
+        for i in np.flatnonzero(lengths < 0.01):
+            raise ValueError(f"path.points: points {i} and {i + 1} are the same")
+        cosines = np.sum(chords[1:] * chords[:-1], axis=1) / (lengths[1:] * lengths[:-1])
+        for i in np.flatnonzero(cosines < -0.98) + 1:
+            raise ValueError(f"path.points: the path turns back on itself at point {i}")
 
 
 @parameters

@@ -175,11 +175,6 @@ def _integrals(function: Callable, starts: np.ndarray, ends: np.ndarray) -> np.n
     return half[:, None] * np.einsum("knd,n->kd", values, GAUSS_WEIGHTS)
 
 
-_FUNCTIONS = {
-    Line: _straight,
-    StopAndGo: _straight,
-    Arc: _arc,
-    SCurve: _s_curve,
-    Waypoints: _waypoints,
-}
+_FUNCTIONS = dict.fromkeys((Line, StopAndGo), _straight)
+_FUNCTIONS |= {Arc: _arc, SCurve: _s_curve, Waypoints: _waypoints}
 """Poses (K, 3) and curvatures (K,) 1/m on each path at lengths (K,) m driven along it."""

@@ -135,12 +135,9 @@ def torso_rings(sections: ArrayLike) -> np.ndarray:
     cosine, sine = np.cos(angles), np.sin(angles)
     unit_x = np.sign(cosine) * np.abs(cosine) ** 0.8
     unit_y = np.sign(sine) * np.abs(sine) ** 0.8
-    return np.array(
-        [
-            np.column_stack([x + depth * unit_x, breadth * unit_y, np.full(20, z)])
-            for x, z, depth, breadth in sections
-        ]
-    )
+    x, z, depth, breadth = np.asarray(sections, dtype=np.float64).T[:, :, None]
+    coordinates = np.broadcast_arrays(x + depth * unit_x, breadth * unit_y, z)
+    return np.stack(coordinates, axis=-1)
 
 
 def _grown(surfaces: list[Surface], shape: PedestrianShape) -> list[Surface]:
@@ -153,16 +150,9 @@ def _body(sections, shape):
 
 
 def _torso(shape):
-    sections = [
-        (0.00, 0.80, 0.120, 0.142),
-        (0.00, 0.90, 0.125, 0.150),
-        (0.00, 1.05, 0.105, 0.132),
-        (0.01, 1.20, 0.112, 0.142),
-        (0.015, 1.34, 0.118, 0.155),
-        (0.01, 1.42, 0.098, 0.150),
-        (0.005, 1.465, 0.070, 0.105),
-        (0.005, 1.49, 0.055, 0.062),
-    ]
+    sections = [(0.00, 0.80, 0.120, 0.142), (0.00, 0.90, 0.125, 0.150), (0.00, 1.05, 0.105, 0.132),
+                (0.01, 1.20, 0.112, 0.142), (0.015, 1.34, 0.118, 0.155), (0.01, 1.42, 0.098, 0.150),
+                (0.005, 1.465, 0.070, 0.105), (0.005, 1.49, 0.055, 0.062)]  # fmt: skip
     return _body(sections, shape)[0]
 
 
@@ -170,12 +160,8 @@ def _clothes(shape: PedestrianShape, contrast: float) -> list[Part]:
     """The person's coat and luggage."""
     parts = []
     if shape.coat:
-        sections = [
-            (0.0, 0.52, 0.20, 0.19),
-            (0.0, 0.80, 0.155, 0.17),
-            (0.0, 1.05, 0.125, 0.15),
-            (0.01, 1.30, 0.130, 0.165),
-        ]
+        sections = [(0.0, 0.52, 0.20, 0.19), (0.0, 0.80, 0.155, 0.17), (0.0, 1.05, 0.125, 0.15),
+                    (0.01, 1.30, 0.130, 0.165)]  # fmt: skip
         parts.append(part("coat", _body(sections, shape), cloth(shape.top, contrast), 0.9))
     if shape.bag == "back":
         centre = (-0.10 * shape.depth - 0.10, 0.0, 1.20)

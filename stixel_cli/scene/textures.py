@@ -99,9 +99,9 @@ def asphalt(contrast: float) -> np.ndarray:
     return tinted((108, 108, 110), values.astype(np.float32), 0.02 * contrast * patches)
 
 
-def paving(contrast: float, slabs: int = 8) -> np.ndarray:
-    """Pavement of square slabs, `slabs` a tile."""
-    step = SIZE // slabs
+def paving(contrast: float) -> np.ndarray:
+    """Pavement of square slabs, eight a tile."""
+    slabs, step = 8, SIZE // 8
     rows = np.arange(SIZE) % step
     joint = (rows < 3)[:, None] | (rows < 3)[None, :]
     tones = np.random.default_rng(11).normal(0.0, 0.10, (slabs, slabs))

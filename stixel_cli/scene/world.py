@@ -4,9 +4,8 @@
 y < 28.5; so is the street, |x| < 5, beyond. Houses, trees and lamp posts, higher than 4 m, are on
 all sides, so a camera that turns sees obstacles in every direction.
 
-`roadside` and `fenced` have houses and trees along the ego car's way, and lower things before them:
-lamp posts, parked cars, hedges and bollards, or fences and hedges. They leave free the way and, at
-every time, the view from the ego car to the target. So any motion fits, over any length.
+`roadside` and `fenced` have houses and trees along the ego car's way, and lower things before them,
+see `World`. The view of the target is free at every time. So any motion fits, over any length.
 
 With `world.occluder`, one thing stands between the ego car and the target, in any world. World
 frame: x right, y forward, z up, m; the ego car starts at the origin.
@@ -27,26 +26,17 @@ from stixel_cli.scene.textures import asphalt, leaves, mottled, roof_tiles
 
 HOUSES = (
     # x0, y0, x1, y1, height of the walls, ridge
-    (8.2, 36.2, 17.5, 46.0, 8.2, "x"),
-    (17.9, 36.2, 29.0, 46.0, 6.6, "x"),
-    (29.4, 36.2, 44.0, 47.0, 9.0, "x"),
-    (-17.0, 36.2, -8.2, 46.0, 6.8, "x"),
-    (-28.5, 36.2, -17.4, 47.0, 9.2, "x"),
-    (-44.0, 36.2, -28.9, 46.0, 7.0, "x"),
-    (8.2, 47.5, 17.0, 62.0, 7.4, "y"),
-    (8.2, 63.0, 17.5, 80.0, 9.0, "y"),
-    (-17.0, 47.5, -8.2, 60.0, 8.8, "y"),
-    (-17.5, 61.0, -8.2, 79.0, 7.2, "y"),
-    (24.2, -16.0, 34.0, 0.0, 8.0, "y"),
-    (24.2, 1.0, 34.0, 16.5, 6.8, "y"),
-    (24.2, 17.5, 34.0, 33.0, 8.8, "y"),
-    (-34.0, -16.0, -24.2, -1.0, 7.0, "y"),
-    (-34.0, 0.0, -24.2, 15.0, 9.0, "y"),
-    (-34.0, 16.0, -24.2, 33.0, 7.4, "y"),
-    (-24.0, -30.0, -9.0, -18.2, 7.6, "x"),
-    (-8.6, -30.0, 6.0, -18.2, 9.0, "x"),
+    (8.2, 36.2, 17.5, 46.0, 8.2, "x"), (17.9, 36.2, 29.0, 46.0, 6.6, "x"),
+    (29.4, 36.2, 44.0, 47.0, 9.0, "x"), (-17.0, 36.2, -8.2, 46.0, 6.8, "x"),
+    (-28.5, 36.2, -17.4, 47.0, 9.2, "x"), (-44.0, 36.2, -28.9, 46.0, 7.0, "x"),
+    (8.2, 47.5, 17.0, 62.0, 7.4, "y"), (8.2, 63.0, 17.5, 80.0, 9.0, "y"),
+    (-17.0, 47.5, -8.2, 60.0, 8.8, "y"), (-17.5, 61.0, -8.2, 79.0, 7.2, "y"),
+    (24.2, -16.0, 34.0, 0.0, 8.0, "y"), (24.2, 1.0, 34.0, 16.5, 6.8, "y"),
+    (24.2, 17.5, 34.0, 33.0, 8.8, "y"), (-34.0, -16.0, -24.2, -1.0, 7.0, "y"),
+    (-34.0, 0.0, -24.2, 15.0, 9.0, "y"), (-34.0, 16.0, -24.2, 33.0, 7.4, "y"),
+    (-24.0, -30.0, -9.0, -18.2, 7.6, "x"), (-8.6, -30.0, 6.0, -18.2, 9.0, "x"),
     (6.4, -30.0, 24.0, -18.2, 7.0, "x"),
-)
+)  # fmt: skip
 
 TREES = (
     (-12.4, 33.4), (12.0, 33.2), (-19.6, 33.6), (20.4, 33.4), (-6.6, 39.5), (6.6, 42.0),
@@ -76,20 +66,14 @@ SIGNS = ((5.7, 31.9), (-14.2, 32.0), (13.9, 32.0))
 
 HEDGES = (
     # x0, y0, x1, y1, height
-    (18.9, 26.0, 19.9, 31.0, 1.3),
-    (-19.9, 25.0, -18.9, 31.0, 1.3),
-    (-23.2, 35.0, -18.2, 35.8, 1.1),
-    (18.6, 35.0, 23.6, 35.8, 1.1),
-    (-19.6, -11.0, -18.9, -7.0, 1.2),
-    (18.9, -12.0, 19.6, -8.0, 1.2),
-)
+    (18.9, 26.0, 19.9, 31.0, 1.3), (-19.9, 25.0, -18.9, 31.0, 1.3),
+    (-23.2, 35.0, -18.2, 35.8, 1.1), (18.6, 35.0, 23.6, 35.8, 1.1),
+    (-19.6, -11.0, -18.9, -7.0, 1.2), (18.9, -12.0, 19.6, -8.0, 1.2),
+)  # fmt: skip
 
 WOODS = (
-    (-150, 140, 150, 149),
-    (-150, -149, 150, -140),
-    (-149, -140, -140, 140),
-    (140, -140, 149, 140),
-)
+    (-150, 140, 150, 149), (-150, -149, 150, -140), (-149, -140, -140, 140), (140, -140, 149, 140),
+)  # fmt: skip
 
 
 def world_objects(world: World) -> list[Mesh]:
@@ -103,13 +87,8 @@ def world_objects(world: World) -> list[Mesh]:
         *_green(world.contrast, materials, draws),
         *_furniture(world.contrast, materials),
     ]
-    made.sort(key=_distance)
+    made.sort(key=lambda mesh: np.hypot(*corners(mesh)[..., :2].reshape(-1, 2).T).min())
     return [ground(world.contrast), *made]
-
-
-def _distance(mesh: Mesh) -> float:
-    points = np.concatenate([part.vertices for part in mesh])
-    return float(np.min(np.hypot(points[:, 0], points[:, 1])))
 
 
 def _houses(contrast: float, materials: Materials, draws: np.random.Generator):
@@ -138,7 +117,7 @@ def _green(contrast: float, materials: Materials, draws: np.random.Generator):
 def _furniture(contrast: float, materials: Materials):
     metal, plate = materials.metal, mottled("sign", (44, 92, 168), 0.08 + 0.20 * contrast)
     for x, y, *reach in LAMPS:
-        yield background.lamp_post((x, y), 6.2, reach, metal, materials.glass)
+        yield background.lamp_post((x, y), reach, metal, materials.glass)
     for place in BOLLARDS:
         yield background.bollard(place, metal)
     for place in SIGNS:
@@ -240,7 +219,7 @@ def _slot(world: World, materials: Materials, draws: np.random.Generator) -> Ite
         paint = PAINTS[draws.integers(len(PAINTS))]
         yield background.parked_car(place, 0.0, paint, world.contrast)
     elif kind == 1:
-        yield background.lamp_post(place, 6.2, (0.0, -1.2), materials.metal, materials.glass)
+        yield background.lamp_post(place, (0.0, -1.2), materials.metal, materials.glass)
     elif kind == 2:
         x, y = place
         low, high = (x - 3.0, y, 0.0), (x + 3.0, y + 0.9, draws.uniform(0.9, 1.4))
@@ -261,12 +240,9 @@ def _fence_or_hedge(materials: Materials, draws: np.random.Generator) -> Mesh:
 def _woods(low: np.ndarray, high: np.ndarray, materials: Materials) -> Iterator[Mesh]:
     """Four rows of trees on the border of a rectangle."""
     (x0, y0), (x1, y1) = low, high
-    for rectangle in (
-        (x0, y1 - 9.0, x1, y1),
-        (x0, y0, x1, y0 + 9.0),
-        (x0, y0, x0 + 9.0, y1),
-        (x1 - 9.0, y0, x1, y1),
-    ):
+    across = (x0, y1 - 9.0, x1, y1), (x0, y0, x1, y0 + 9.0)
+    along = (x0, y0, x0 + 9.0, y1), (x1 - 9.0, y0, x1, y1)
+    for rectangle in (*across, *along):
         yield background.woods(*rectangle, materials.woods)
 
 
@@ -315,4 +291,4 @@ def _mesh(world: World, length: float, materials: Materials, draws: np.random.Ge
         return background.hedge(low, high, materials.leaves)
     if draws.uniform() < 0.5:
         return background.bollard((0.0, 0.0), materials.metal)
-    return background.lamp_post((0.0, 0.0), 6.2, (1.6, 0.0), materials.metal, materials.glass)
+    return background.lamp_post((0.0, 0.0), (1.6, 0.0), materials.metal, materials.glass)

@@ -162,7 +162,6 @@ def _matcher(stereo: StereoParameters, count: int) -> Any:
 
     if stereo.kind == "sgm":
         return cv2.StereoSGBM_create(
-            minDisparity=0,
             numDisparities=count,
             blockSize=stereo.block_size,
             P1=stereo.p1,

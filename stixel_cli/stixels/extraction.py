@@ -72,9 +72,8 @@ def stixels_of_frame(
     foot = rows_at_height(frame.obstacle, frame.base_row, rig, extraction.least_height)
     layers = [(frame.obstacle, top_rows(frame, height), foot, frame.base_row)]
     if extraction.layers == "many":
-        behind = layers_behind(
-            frame, extraction.width, height.depth_margin, extraction.least_height
-        )
+        limits = extraction.width, height.depth_margin, extraction.least_height
+        behind = layers_behind(frame, *limits)
         layers += [(further, top, base, base) for further, top, base in behind]
     found: list[dict[str, np.ndarray]] = []
     for obstacle, tops, foot, base_row in layers:

@@ -38,8 +38,6 @@ def find_free_space(
     """Free space of `frames`, each with the solution before it moved by the ego motion.
 
     `previous` is the result for the frames before, whose last frame is read; None at the first.
-    Disparities of the result are pitch-compensated, f B / depth along the road: with zero pitch
-    they are the image's.
     """
     grid = layout(occupancy, rig, disparities.count)
     found, before = [], None
@@ -159,9 +157,8 @@ def _find_unknown(rows, before, columns, base_row, extents, end, least_density, 
     for u in range(width):
         first = max(base_row[u] + 1, end)
         for v in range(first, height):
-            before[v + 1] = (before[v] if v > first else 0) + (
-                lowest[v] <= columns[u, v] <= highest[v]
-            )
+            shown = lowest[v] <= columns[u, v] <= highest[v]
+            before[v + 1] = (before[v] if v > first else 0) + shown
         for v in range(height - 1, first - 1, -1):
             start = max(v - extents[v] + 1, first)
             seen = before[v + 1] - (before[start] if start > first else 0)

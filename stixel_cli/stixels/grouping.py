@@ -175,8 +175,7 @@ def front_face(count, total, columns, extent):
     disparities of each row, `columns` its pixels; of the `extent` at most n rows count.
     """
     extent = min(extent, len(count))
-    found, pixels, summed = False, 0, 0.0
-    nearest = 0.0
+    found, pixels, summed, nearest = False, 0, 0.0, 0.0
     for v in range(len(count)):
         pixels += count[v]
         summed += total[v]

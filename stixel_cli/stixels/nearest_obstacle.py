@@ -1,8 +1,7 @@
 """The nearest obstacle of every column of one frame: occupancy grid, then dynamic programming.
 
-Free space is the cheapest path through the grid: thesis (9)-(11). The path has one row for each
-column; the row after the last means "no obstacle". Grids are stored column by column, nearest row
-first. The depths of the rows need not be even.
+Free space is the cheapest path through the grid, as `occupancy` stores it: thesis (9)-(11). It has
+one row for each column; the row after the last means "no obstacle". Depths of rows may be uneven.
 """
 
 import numpy as np

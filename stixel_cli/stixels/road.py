@@ -134,10 +134,8 @@ def find_road(
     for _ in range(REFINEMENTS):
         refined = np.array(_least_squares(histogram, line, tolerance))
         pitch, height = pitch_and_height(refined, rig) if refined[0] > 0 else (np.inf, np.inf)
-        if (
-            abs(pitch - rig.pitch_radians) > np.radians(road.pitch_range)
-            or abs(height / rig.camera_height - 1.0) > road.height_range
-        ):
+        turn, rise = abs(pitch - rig.pitch_radians), abs(height / rig.camera_height - 1.0)
+        if turn > np.radians(road.pitch_range) or rise > road.height_range:
             break
         line, tolerance = refined, max(0.5 * tolerance, 0.5)
     return line

@@ -258,9 +258,8 @@ class StudyFile:
         except Exception as fault:
             if self.is_shipped:
                 raise
-            raise UserError(
-                f"{name}: {messages.named_fault(fault, self.module.__file__)}"
-            ) from fault
+            text = messages.named_fault(fault, self.module.__file__)
+            raise UserError(f"{name}: {text}") from fault
 
 
 def read_study(path: Path, trusted: bool = False) -> StudyFile:

@@ -72,11 +72,8 @@ class StudyPlan:
 
     def request(self) -> dict[str, Any]:
         """The request in plain types; it is equal for commands with the same results."""
-        return {
-            "study": self.study.name,
-            "module": self.study.module_name,
-            "sweeps": {one.sweep.name: one.settings for one in self.sweeps},
-        }
+        sweeps = {one.sweep.name: one.settings for one in self.sweeps}
+        return {"study": self.study.name, "module": self.study.module_name, "sweeps": sweeps}
 
 
 def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:

@@ -49,9 +49,8 @@ class Section:
     @property
     def cells(self) -> Cells:
         """One table of all groups."""
-        return joined(
-            " ".join(self.question.by), [(label, overview(own)) for label, own in self.groups]
-        )
+        tables = [(label, overview(own)) for label, own in self.groups]
+        return joined(" ".join(self.question.by), tables)
 
     @cached_property
     def drawings(self) -> list[bytes]:
@@ -69,9 +68,8 @@ def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:
     """
     parts = {name: frames[name] for name in question.sweeps}
     axes = tuple(dict.fromkeys(axis for part in parts.values() for axis in part.axes))
-    whole = pd.concat(
-        [part.frame.assign(sweep=name) for name, part in parts.items()], ignore_index=True
-    )
+    pieces = [part.frame.assign(sweep=name) for name, part in parts.items()]
+    whole = pd.concat(pieces, ignore_index=True)
     _check_columns(question, whole)
     for column, values in question.where.items():
         whole = whole[whole[column].astype(str).isin(values)]
@@ -175,12 +173,8 @@ def with_stages(result: SweepResult, entry: SweepEntry, store: Store) -> SweepRe
             values = [store.load(node.key) for node in nodes]
             return values[0] if nodes[0].stage.pattern == "once" else values
 
-        return replace(
-            run,
-            scores=read_scored_run(SweepFolder(result.folder).run(run.index)).scores,
-            load=load,
-            variant=entry.variant_of(run.setting),
-        )
+        scores = read_scored_run(SweepFolder(result.folder).run(run.index)).scores
+        return replace(run, scores=scores, load=load, variant=entry.variant_of(run.setting))
 
     return replace(result, runs=tuple(map(with_results, result.runs)))
 
@@ -333,57 +327,35 @@ def study_page(
     `origin`: that of the report, as `lineage.origin`, with the `seeds` of each sweep's runs.
     """
     shown = report or Report((), (), Material())
+    progress, settings = [], []
+    for state in states:
+        runs = "–" if state.runs is None else str(state.runs)
+        seeds = ", ".join(map(str, origin["seeds"].get(state.name, ()))) or "–"
+        progress.append((state.name, runs, str(state.done), seeds, "; ".join(state.faults)))
+    for one in plan.sweeps:
+        texts = one.settings.items()
+        settings += [(one.sweep.name, key, values.replace(",", ", ")) for key, values in texts]
     return page_template(__package__, "study.html").render(
         plan=plan,
         answer=report and report.answer,
         sections=[_section(one, i, page) for i, one in enumerate(shown.sections)],
         tables=[(name, render.cells_of(own)) for name, own in shown.material.tables.items()],
         explanation=render.explanation(),
-        states=render.Cells(
-            ("sweep", "runs", "done", "seeds", "faults"),
-            tuple(
-                (
-                    state.name,
-                    "–" if state.runs is None else str(state.runs),
-                    str(state.done),
-                    ", ".join(map(str, origin["seeds"].get(state.name, ()))) or "–",
-                    "; ".join(state.faults),
-                )
-                for state in states
-            ),
-        ),
+        states=render.Cells(("sweep", "runs", "done", "seeds", "faults"), tuple(progress)),
         origin=origin,
-        settings=render.Cells(
-            ("sweep", "key", "values"),
-            tuple(
-                (one.sweep.name, key, values.replace(",", ", "))
-                for one in plan.sweeps
-                for key, values in one.settings.items()
-            ),
-        ),
+        settings=render.Cells(("sweep", "key", "values"), tuple(settings)),
         revision=shown_revision(origin["git"]) or "–",
     )
 
 
 def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
     """What the template shows of a question."""
-    worst = []
-    for _, answers in section.groups:
+    sentences, worst, figures = [], [], []
+    for i, (label, answers) in enumerate(section.groups):
         folders = [Path(str(folder)) for folder in answers[0].worst.get("folder", [])]
         links = page_links([one for one in folders if one.exists()], page, PAGE)
         worst += worst_runs(answers[0], links)
-    return {
-        "question": section.question,
-        "sentences": [
-            (label, [one.sentence for one in answers], answers[0].notes)
-            for label, answers in section.groups
-        ],
-        "cells": section.cells,
-        "worst": worst,
-        "figures": [
-            (label, drawing_for_page(drawing, f"q{place}g{i}"))
-            for i, ((label, _), drawing) in enumerate(
-                zip(section.groups, section.drawings, strict=True)
-            )
-        ],
-    }
+        sentences.append((label, [one.sentence for one in answers], answers[0].notes))
+        figures.append((label, drawing_for_page(section.drawings[i], f"q{place}g{i}")))
+    shown = {"sentences": sentences, "worst": worst, "figures": figures}
+    return {"question": section.question, "cells": section.cells, **shown}

@@ -32,17 +32,9 @@ def material(data: StudyData) -> Material:
         # f B σ_z / z².
         needed = rig.focal * rig.baseline * SW_STD / SW_DEPTH**2
         rows[rig.width, rig.height, float(rig.focal), float(rig.baseline)] = needed
-    table = pd.DataFrame(
-        [
-            {
-                "image (px)": f"{w} × {h}",
-                "f (px)": f,
-                "B (m)": b,
-                "needed σ of the disparity (px)": needed,
-            }
-            for (w, h, f, b), needed in rows.items()
-        ]
-    )
+    columns = ("image (px)", "f (px)", "B (m)", "needed σ of the disparity (px)")
+    found = [(f"{w} × {h}", f, b, needed) for (w, h, f, b), needed in rows.items()]
+    table = pd.DataFrame(found, columns=columns)
     return Material(tables={f"What {SW_STD:g} m at {SW_DEPTH:g} m needs": table})
 
 

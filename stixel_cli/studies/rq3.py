@@ -1,7 +1,7 @@
 """`stixel study rq3`: statistics of the points, and the noise that is fitted to them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 
 import numpy as np
 import pandas as pd
@@ -27,7 +27,6 @@ POINTS = {
     "clutter": "clutter_points_per_scan",
 }
 """Statistic of a run's points to its column."""
-_PARAMETERS = tuple(field.name for field in fields(FittedNoise) if field.name != "kind")
 _UNITS = {
     "columns_per_point": "columns",
     "range_bias": "m",
@@ -39,6 +38,7 @@ _UNITS = {
     "missed_share": "of the points",
     "missed_columns": "columns",
 }
+"""Of all parameters of the noise."""
 
 
 def fitted_noise(data: StudyData) -> list[dict[str, list]]:
@@ -48,7 +48,7 @@ def fitted_noise(data: StudyData) -> list[dict[str, list]]:
         "road_user": [user for user, _ in noises],
         "path": [path for _, path in noises],
     }
-    for key in _PARAMETERS:
+    for key in _UNITS:
         axis[f"measurement.noise.{key}"] = [getattr(noise, key) for noise in noises.values()]
     return [axis]
 
@@ -93,15 +93,11 @@ def material(data: StudyData) -> Material:
         u: [one for (user, _), own in errors.items() if user == u for one in own] for u in users
     }
     noises = {user: fit_noise(own) for user, own in by_user.items()}
-    table = pd.DataFrame(
-        [{"parameter": key, **{u: getattr(noises[u], key) for u in users}} for key in _PARAMETERS]
-    )
-    held_out = pd.DataFrame(
-        [
-            {"fitted to": f"{user}, without {path}", **{k: getattr(own, k) for k in _PARAMETERS}}
-            for (user, path), own in held_out_noises(errors).items()
-        ]
-    )
+    rows = [{"parameter": key, **{u: getattr(noises[u], key) for u in users}} for key in _UNITS]
+    held_out = [
+        {"fitted to": f"{user}, without {path}", **{k: getattr(own, k) for k in _UNITS}}
+        for (user, path), own in held_out_noises(errors).items()
+    ]
     seeds = sorted({run.seed for run in data.sweeps[TRAINING].runs})
     files = {}
     for user, noise in noises.items():
@@ -109,9 +105,8 @@ def material(data: StudyData) -> Material:
         paths = listed([path for u, path in errors if u == user])
         what = f"{points} simulated points: {user}; paths {paths}; seeds {listed(seeds)}"
         files[f"noise/fitted_{user}.yaml"] = preset(noise, what)
-    return Material(
-        tables={"Fitted noise": table, "Noise of held-out paths": held_out}, files=files
-    )
+    tables = {"Fitted noise": rows, "Noise of held-out paths": held_out}
+    return Material({name: pd.DataFrame(own) for name, own in tables.items()}, files)
 
 
 def _errors(data: StudyData) -> dict[tuple[str, str], list[PointErrors]]:
@@ -119,9 +114,8 @@ def _errors(data: StudyData) -> dict[tuple[str, str], list[PointErrors]]:
     sweep = data.sweeps[TRAINING]
     frame = frame_of(sweep).frame
     found: dict[tuple[str, str], list[PointErrors]] = {}
-    for key, run in zip(
-        zip(frame["road_user"], frame["path"], strict=True), sweep.runs, strict=True
-    ):
+    keys = zip(frame["road_user"], frame["path"], strict=True)
+    for key, run in zip(keys, sweep.runs, strict=True):
         found.setdefault(key, []).append(run.load("point_errors"))
     return found
 

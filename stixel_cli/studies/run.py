@@ -17,13 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.border import TYPED, Origin, write_below, write_whole, written
-from stixel_cli.config import messages
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.errors import Interrupted, UserError
 from stixel_cli.files import read_yaml
 from stixel_cli.results.lineage import first_difference, origin, provenance
-from stixel_cli.results.result import SKIPPED, SWEEP_FILE, yaml_text
+from stixel_cli.results.result import SWEEP_FILE, yaml_text
 from stixel_cli.studies import report
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_sweep
 from stixel_cli.sweeps.folder import SweepFolder, SweepResult
@@ -88,13 +87,9 @@ class Study:
         """Make the folder, or check that the existing one can be resumed."""
         if self.check(fresh):
             return
-        content = {
-            "title": self.plan.study.title,
-            "question": self.plan.study.question,
-            **origin(self.command),
-            "overrides": list(self.plan.overrides),
-            **self.plan.request(),
-        }
+        study, overrides = self.plan.study, list(self.plan.overrides)
+        content = {"title": study.title, "question": study.question, **origin(self.command)}
+        content |= {"overrides": overrides, **self.plan.request()}
         with written(self.path):
             if fresh and self.path.exists():
                 shutil.rmtree(self.path)
@@ -180,12 +175,8 @@ class Study:
 
     def _leased(self):
         """A lease on all results that the report can read."""
-        keys = {
-            target
-            for result in self.results.values()
-            for run in result.runs
-            for target in run.targets
-        }
+        runs = [run for result in self.results.values() for run in result.runs]
+        keys = {target for run in runs for target in run.targets}
         store = next(one.plan.store for one in self.plan.sweeps if one.plan)
         return Lease(store.folder, sorted(keys))
 
@@ -203,7 +194,6 @@ class Study:
             if there == wanted and request.nodes == one.sweep.results:
                 return resumed_sweep(
                     path,
-                    visible=True,
                     label=label,
                     overrides=[text for text in texts[0] if of_the_machine(text)],
                     note=lambda text: self.tell(f"{name}: {text}"),
@@ -214,14 +204,8 @@ class Study:
         if path.exists():
             shutil.rmtree(path)
         design = replace(one.design, words=("--resume", str(path)))
-        return new_sweep(
-            replace(one.plan, design=design),
-            path.parent,
-            path.name,
-            True,
-            advice=False,
-            label=label,
-        )
+        plan = replace(one.plan, design=design)
+        return new_sweep(plan, path.parent, path.name, True, label=label)
 
     def _state(self, one: PlannedSweep) -> report.SweepState:
         name, folder = one.sweep.name, self.path / "sweeps" / one.sweep.name
@@ -231,14 +215,5 @@ class Study:
             done = len(list(folder.glob("runs/[0-9]*")))
             why = "not started" if count is not None else "its axes depend on the sweeps before"
             return report.SweepState(name, count, done, ("interrupted" if done else why,), folder)
-        failed = [run for run in result.runs if run.failure is not None]
-        faults = [
-            f"{run.label}: {messages.printable(' '.join(str(run.failure).split()), 300)}"
-            + (" (as another)" if run.status == SKIPPED else "")
-            for run in failed[:_MOST_FAILURES]
-        ]
-        if len(failed) > _MOST_FAILURES:
-            faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
-        return report.SweepState(
-            name, len(result.runs), result.count("done"), tuple(faults), folder
-        )
+        faults = tuple(result.faults(_MOST_FAILURES))
+        return report.SweepState(name, len(result.runs), result.count("done"), faults, folder)

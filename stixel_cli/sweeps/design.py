@@ -22,6 +22,7 @@ from stixel_cli.config.overrides import (
     check_overrides,
     parse,
     read_overrides,
+    refuse_twice,
 )
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError, located, printable_path
@@ -43,17 +44,6 @@ class Axis:
     """One key, or several zipped keys."""
     steps: tuple[tuple[Override, ...], ...]
     """For each value of the axis an override of each key."""
-
-    def __post_init__(self):
-        seen: set[tuple] = set()
-        for step in self.steps:
-            # In Python 1 == True, but here they are different values; 1 and 1.0 are the same.
-            values = [(isinstance(one.value, bool), one.value) for one in step]
-            mark = tuple(v if isinstance(v[1], Hashable) else str(v) for v in values)
-            if mark in seen:
-                shown = messages.printable(" ".join(one.text for one in step))
-                raise ConfigurationError(f"{shown} is given twice: two runs would be equal")
-            seen.add(mark)
 
     @property
     def name(self) -> str:
@@ -79,9 +69,7 @@ class Design:
     """Keys of the axes that means are over."""
 
     def __post_init__(self):
-        counts = Counter([*(one.key for one in self.fixed), *self.keys])
-        for key in (key for key, count in counts.items() if count > 1):
-            raise ConfigurationError(f"{key}: is given twice: give it once")
+        refuse_twice([*self.fixed, *(one for axis in self.axes for one in axis.steps[0])])
 
     @property
     def overrides(self) -> list[Override]:
@@ -110,12 +98,8 @@ class Design:
 
 def has(overrides: Iterable[Override], key: str, value: Any) -> bool:
     """Whether one of the overrides gives the key this value; 1 equals 1.0 but not True."""
-    return any(
-        one.key == key
-        and isinstance(one.value, bool) == isinstance(value, bool)
-        and one.value == value
-        for one in overrides
-    )
+    own = [one.value for one in overrides if one.key == key]
+    return any(one == value and isinstance(one, bool) == isinstance(value, bool) for one in own)
 
 
 def check_size(design: Design, one_is_enough: bool = False) -> None:
@@ -260,20 +244,16 @@ def planned_as(index: int, swept: Mapping[str, str], composition: Composition) -
 
     `swept` has the keys that differ between runs, each with its value as typed.
     """
-    return RunResult(
-        settings=composition.resolved,
-        manifest={
-            "overrides": list(composition.overrides),
-            "choices": composition.choices,
-            "seed": composition.configuration.seed,
-            # Runs that are equal without their seeds are repetitions.
-            "swept": {key: value for key, value in swept.items() if key != SEED},
-            "run": index,
-        },
-        composition=composition,
-        label=setting_label(swept),
-        status=MISSING,
-    )
+    manifest = {
+        "overrides": list(composition.overrides),
+        "choices": composition.choices,
+        "seed": composition.configuration.seed,
+        # Runs that are equal without their seeds are repetitions.
+        "swept": {key: value for key, value in swept.items() if key != SEED},
+        "run": index,
+    }
+    settings, label = composition.resolved, setting_label(swept)
+    return RunResult(settings, manifest, composition=composition, label=label, status=MISSING)
 
 
 def picture_keys(run: RunResult) -> list[str]:
@@ -300,14 +280,10 @@ def sweep_design(
     over: str = SEED,
     one_is_enough: bool = False,
 ) -> Design:
-    """The design of a command line and a file.
+    """The design of a command line, on which several values of a key make an axis, and a file.
 
-    Args:
-        overrides: in Hydra's grammar; several values of a key make an axis.
-        file: a path, or a name in `pipelines/studies`; see `stixel_cli.sweeps.design`.
-        trust_code: accept user-defined code that the file names.
-        over: keys of the axes that means are over, separated by commas.
-        one_is_enough: accept a design of a single run.
+    The file is a path, or a name in `pipelines/studies`; code that it names must be trusted. Means
+    are `over` keys of the axes, by commas. A single run is accepted if `one_is_enough`.
 
     ConfigurationError for an invalid override, a key in both, code that is not trusted, or means
     over an axis that is not swept.

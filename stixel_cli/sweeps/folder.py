@@ -23,7 +23,7 @@ from stixel_cli.border import check_below, write_below, written
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.config.messages import validated
 from stixel_cli.config.texts import split_override
-from stixel_cli.errors import UserError, printable, printable_path
+from stixel_cli.errors import UserError, counted, printable, printable_path
 from stixel_cli.files import read_json, read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.results import result as results
@@ -135,20 +135,18 @@ class SweepFolder:
             swept = {key: given.get(key, NOT_GIVEN) for key in request.keys}
             manifest = {"run": index, "seed": swept.pop(SEED, ""), "swept": swept}
             run = results.RunResult(manifest=manifest, folder=self.run(index))
+            file = self.path / results.FAILED / run.folder.name / "failure.json"
             try:
-                runs.append(replace(run, metrics=results.read_metrics(run.folder)))
+                found = {"metrics": results.read_metrics(run.folder)}
             except UserError:
-                runs.append(replace(run, **self._failure(index)))
+                found = {"status": results.MISSING}
+                if file.exists():
+                    content = read_json(file)
+                    skipped = content.get("status") == results.SKIPPED
+                    found["status"] = results.SKIPPED if skipped else results.FAILED
+                    found["failure"] = UserError(printable(str(content.get("error")), 500))
+            runs.append(replace(run, **found))
         return runs
-
-    def _failure(self, index: int) -> dict[str, Any]:
-        """Status and failure of a run that is not done."""
-        file = self.path / results.FAILED / f"{index:04d}" / "failure.json"
-        if not file.exists():
-            return {"status": results.MISSING}
-        content = read_json(file)
-        status = results.SKIPPED if content.get("status") == results.SKIPPED else results.FAILED
-        return {"status": status, "failure": UserError(printable(str(content.get("error")), 500))}
 
     def finished(self, count: int) -> dict[int, results.RunResult]:
         """The complete ones of `count` runs by index, with manifest and metrics."""
@@ -275,6 +273,18 @@ class SweepResult:
         """Number of runs with a status."""
         return sum(run.status == status for run in self.runs)
 
+    def faults(self, most: int) -> list[str]:
+        """A line for each run that failed or was skipped, at most so many of each status."""
+        lines = []
+        for status in (results.FAILED, results.SKIPPED):
+            runs = [run for run in self.runs if run.status == status]
+            for run in runs[:most]:
+                reason = printable(" ".join(str(run.failure).split()), 500)
+                lines.append(f"run {run.index} {status} ({run.label}): {reason}")
+            if len(runs) > most:
+                lines.append(f"{counted(len(runs) - most, 'more run')} {status}, see runs.csv")
+        return lines
+
 
 def question_over(over: Sequence[str], axes: Sequence[Sequence[str]]) -> dict[str, Any]:
     """The parts of a question whose means are over some keys of axes; {} for the seed alone.
@@ -342,12 +352,8 @@ def asked_folders(
 ) -> "Asked":
     """What is asked of one sweep's folder, or of the folders of several runs.
 
-    Args:
-        metrics, over, compare: names by commas; see `answers.runs.Runs.question`. The last two
-            are of a sweep only.
-        reference: the option to compare with.
-
-    UserError for a folder that is neither, and as of `Runs.ask`.
+    The other arguments are those of `answers.runs.Runs.question`, names by commas; the last two are
+    of a sweep only. UserError for a folder that is neither, and as of `Runs.ask`.
     """
     names = metrics.split(",") if metrics else ()
     if len(folders) > 1 or not (folders[0] / results.SWEEP_FILE).exists():

@@ -14,7 +14,7 @@ from stixel_cli.engine.plan import Durations, plan, probe
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, counted
 from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
-from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
+from stixel_cli.experiment.stages import RESULTS, experiment_graph
 from stixel_cli.experiment.table import PICTURES
 from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import SEED, Design, design_runs, equal_runs, planned_as
@@ -95,8 +95,7 @@ def plan_runs(
     wanted = dict.fromkeys(["scores", *(PICTURES if pictures else ()), *nodes])
     builder, planned = builders(store.folder), []
     for run in runs:
-        count, stages = scan_count(run.composition), pipeline_stages(run.composition)
-        own = builder.build(stages, count, CHUNK_SIZE)
+        own = experiment_graph(run.composition, builder)
         keys = own.expand([name for name in wanted if name in own.stages])
         planned.append(replace(run, graph=own, targets=tuple(keys)))
     graph = merge(run.graph for run in planned)
@@ -138,12 +137,10 @@ def check_axes(planned: Sequence[RunResult]) -> list[str]:
         # Without several, the key is zipped with another one, which is checked in its place.
         if several and all(len({*targets}) == 1 for targets in several):
             choices = planned[0].composition.choices
-            why = (
-                ": a sweep draws pictures only with --pictures"
-                if key.startswith("pictures")
-                else f" with measurement={choices.get('measurement')} and "
-                f"path={choices.get('path')}: all runs would be equal"
-            )
+            chosen = f"measurement={choices.get('measurement')} and path={choices.get('path')}"
+            why = f" with {chosen}: all runs would be equal"
+            if key.startswith("pictures"):
+                why = ": a sweep draws pictures only with --pictures"
             raise ConfigurationError(f"{key}: no stage reads it{why}")
     equal = [*equal_runs(planned, lambda run: run.targets)]
     if not equal:

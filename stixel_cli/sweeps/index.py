@@ -98,8 +98,8 @@ def update_index(root: Path | None) -> None:
             **{name: [row[i] for row in rows] for i, name in enumerate(_LISTS)},
         }
         title = f"Runs in {root.resolve().name}"
-        css, script = ["sortable.css"], ["runs.js"]
-        text = filled_page("stixel_cli.report", PAGE, title, data, css=css, script=script)
+        files = {"css": ["page.css"], "table": ["runs.html"], "script": ["runs.js"]}
+        text = filled_page("stixel_cli.report", PAGE, title, data, **files)
         write_whole(page, text)
 
 

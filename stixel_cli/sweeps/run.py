@@ -28,7 +28,6 @@ from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
 from stixel_cli.engine.execute import Execution, execute
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.keys import digest
-from stixel_cli.engine.plan import undeclared_reads
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import ConfigurationError, Interrupted, UserError
 from stixel_cli.evaluation.scores import Scores
@@ -96,10 +95,9 @@ class Sweep(Progress):
             plan: the runs, in the order of their indices.
             folder: of the sweep, with its `sweep.yaml`; None to write nothing.
             request: has the axes, and the notes for the manifest of every run.
-            label: prefix of the progress.
-            visible: show progress on stderr.
+            label, visible: prefix of the progress, and whether it is shown on stderr.
         """
-        super().__init__(visible)
+        super().__init__(visible, advice=visible)
         self.plan, self.folder, self.request, self.store = plan, folder, request, plan.store
         self.runs: dict[int, RunResult] = {}
         self.computed, self.stored = 0, set(plan.needed).difference(plan.missing)
@@ -344,22 +342,15 @@ def new_sweep(
     results: Path | None = None,
     name: str | None = None,
     visible: bool = False,
-    note: Callable[[str], Any] = lambda text: None,
-    advice: bool = True,
     fail_fast: bool = False,
     label: str = "",
 ) -> SweepResult:
-    """Run a sweep.
+    """Run a sweep, planned by `plan_sweep`; the errors are those of `Sweep.run`.
 
     Args:
-        plan: by `plan_sweep`.
         results: parent of the sweep's folder, see `check_results`; None to write nothing.
         name: of the sweep's folder; None for the file's name, or the swept keys, and the time.
-        note: called with notes on the axes before anything runs.
-        advice: note files that the user's code may read without declaring them, too.
         visible, label, fail_fast: see `Sweep`.
-
-    UserError, Interrupted as `Sweep.run` does.
     """
     design, options = plan.design, [*(["--pictures"] if plan.pictures else []), *PRESETS.option]
     request = SweepRequest(
@@ -371,9 +362,6 @@ def new_sweep(
         notes=lineage.origin(shlex.join(["stixel", "sweep", *design.words, *options])),
         over=design.over,
     )
-    missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
-    for text in [*plan.notes, *undeclared_reads(missing)]:
-        note(text)
     folder = None
     if results is not None:
         plan.probe()
@@ -388,7 +376,6 @@ def resumed_sweep(
     path: Path,
     overrides: Sequence[str],
     names: Origin,
-    visible: bool = False,
     label: str = "",
     note: Callable[[str], Any] = lambda text: None,
     fail_fast: bool = False,
@@ -396,11 +383,10 @@ def resumed_sweep(
     """Resume the sweep in a folder: run what is missing, has failed, or is out of date.
 
     Args:
-        path: the sweep's folder.
         overrides: of executor and cache; those of the folder are never used.
         names: where the names of code in the folder come from.
         note: called with the number of finished runs that are out of date.
-        visible, label, fail_fast: see `Sweep`.
+        label, fail_fast: see `Sweep`.
 
     UserError, Interrupted as `Sweep.run` does; if the folder is not of a sweep.
     """
@@ -428,7 +414,7 @@ def resumed_sweep(
             {SWEEP_FILE: replace(request, notes={**request.notes, "resumed": resumed}).text}
         )
     request = replace(request, notes=origin)
-    return Sweep(plan, folder, request, label, visible).run(finished, fail_fast)
+    return Sweep(plan, folder, request, label, visible=True).run(finished, fail_fast)
 
 
 def stored_runs(

@@ -31,7 +31,7 @@ from stixel_cli.files import read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.report.metrics import number
 from stixel_cli.report.page import drawing_for_page, page_template
-from stixel_cli.results.folder import PAGE, write_whole_folder
+from stixel_cli.results.folder import PAGE
 from stixel_cli.results.result import DONE, RunResult, yaml_text
 from stixel_cli.sweeps.design import SEED, compose_runs
 from stixel_cli.sweeps.folder import SweepRequest
@@ -64,11 +64,6 @@ class TuneRequest:
     over: list[str]
     seeds: Annotated[int, Ge(1), Le(1000)]
     trials: Annotated[int, Ge(1), Le(10_000)]
-
-
-def create(folder: Path, request: TuneRequest) -> None:
-    """Create the folder with its `tune.yaml`, with the errors of `whole_folder`."""
-    write_whole_folder(folder, {REQUEST: yaml_text(vars(request))})
 
 
 def read_request(folder: Path) -> TuneRequest:
@@ -274,13 +269,16 @@ class Tuning:
         scaled = (costs - costs.min(axis=0)) / np.maximum(np.ptp(costs, axis=0), 1e-12)
         return self.front()[int(np.argmin((scaled**2).sum(axis=1)))]
 
-    def on_fresh_seeds(self, trial: Trial) -> tuple[Trial, Trial]:
-        """The default and a trial on the fresh seeds; UserError if a run fails."""
+    def gain(self, trial: Trial) -> list[Answer]:
+        """For each objective, how a trial compares with the default on the fresh seeds.
+
+        UserError if a run fails.
+        """
         both = Trial("default"), Trial(trial.name, trial.settings)
         self._evaluate(both, True, None, "fresh seeds")
         for one in (one for one in both if one.state != "complete"):
             raise UserError(f"{one.name} on the fresh seeds {one.state}")
-        return both
+        return self.answers(both, "default", fresh=True)
 
 
 def is_drawn(one: Override) -> bool:
@@ -313,8 +311,7 @@ def write_outcome(folder: Path, tuning: Tuning, command: str) -> tuple[Trial, li
     `command` writes them again. UserError if a run on a fresh seed fails.
     """
     best, trials = tuning.chosen(), trials_frame(tuning)
-    pair = tuning.on_fresh_seeds(best)
-    gain = tuning.answers(pair, pair[0].name, fresh=True)
+    gain = tuning.gain(best)
     page = page_template(__package__, "tune.html").render(
         title=folder.resolve().name,
         chosen=best,

@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Ge
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle, rotation, wrap_angle
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle, rotations, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.measurements.tables import (
     indices,
@@ -113,7 +113,7 @@ def track(
     else:
         boxes = np.array([[prior.length, prior.width]]) if sizes is None else sizes
         corners = 0.5 * boxes[:, None] * rectangle(2.0, 2.0)
-        contours = corners @ _turns(-means[:, 2]) + means[:, None, :2]
+        contours = corners @ rotations(-means[:, 2]) + means[:, None, :2]
         directions = directions_of(contours, means)
     std = np.sqrt(np.maximum(shift_variances(directions, covariances), 0.0))
     unused = [np.zeros(0, np.int64)] * count
@@ -230,16 +230,11 @@ def _states(table: "DataFrame", scans: Scans, frame: str) -> tuple[np.ndarray, n
     if frame == "camera":
         sensors = scans.sensor_poses_world[table.index]
         turns = np.tile(np.eye(6), (len(table), 1, 1))
-        turns[:, :2, :2] = turns[:, 3:5, 3:5] = _turns(sensors[:, 2] - STRAIGHT_AHEAD)
+        turns[:, :2, :2] = turns[:, 3:5, 3:5] = rotations(sensors[:, 2] - STRAIGHT_AHEAD)
         means = (turns @ means[:, :, None])[:, :, 0]
         means[:, :3] += sensors - [0.0, 0.0, STRAIGHT_AHEAD]
         covariances = turns @ covariances @ turns.swapaxes(1, 2)
     return means, covariances
-
-
-def _turns(angles: np.ndarray) -> np.ndarray:
-    """Rotation matrices (n, 2, 2) by `angles` (n,) rad."""
-    return np.moveaxis(rotation(angles), -1, 0)
 
 
 LEAST_OFFSET, FAR = 0.001, 2.0

@@ -102,7 +102,7 @@ def track(
         from stixel_cli.tracking.one_side import OneSide
 
         side = OneSide(prior, tracker.seen_by, process, scans)
-        stated = StatedCovariance(initial.covariance, process.covariance, side, scans)
+        stated = StatedCovariance(initial.covariance, process.covariance, side)
     radii = prior_radii(prior, process.basis_angles) if side is None else side.radii
     mean = np.concatenate([initial.mean, radii])
     covariance = block_diag(initial.covariance, process.covariance)
@@ -162,12 +162,11 @@ def _updated(
     side, stated = one_side
     points, variance = scan.points, tracker.measurement_std**2
     if side is not None:
-        rays, shape_stds = side.rays(scan, mean[:SEEN])
+        rays, shape_stds = side.rays(scan, mean, stated.position)
         points = rays.points_world
     indices = _associated(points, mean, covariance, process, tracker)
     if side is not None:
-        others = side.others(rays, mean, stated.position)
-        indices = indices[~others[indices]]
+        indices = indices[~rays.others[indices]]
     if side is not None and len(indices):
         indices = side.target(rays, shape_stds, indices, mean, covariance)
     if not len(indices):
@@ -182,7 +181,7 @@ def _updated(
         mean = moved[0]
         stated.between_ends(*moved[1:])
     model = side.linearised(taken, mean, stated.position)
-    matrix, variances = stated.rows(model, taken, shape_stds[indices], mean, scan.k)
+    matrix, variances = stated.rows(model, taken, shape_stds[indices], mean)
     mean, covariance, gain, _ = update(mean, covariance, model, variance, tangential=False)
     return mean, covariance, indices, stated.correct(gain, matrix, variances, model.residuals)
 

@@ -11,7 +11,6 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_rays import Rays
 from stixel_cli.tracking.gp_ekf_update import Linearisation
@@ -23,12 +22,12 @@ from stixel_cli.tracking.one_side import END_STD, OneSide
 class StatedCovariance:
     """The joint covariance of the state of `gp_ekf` and of the errors that it considers."""
 
-    def __init__(self, initial: np.ndarray, radii: np.ndarray, side: OneSide, scans: Scans):
+    def __init__(self, initial: np.ndarray, radii: np.ndarray, side: OneSide):
         """From the covariances (6, 6) of the start and (N, N) of radii of an unknown class."""
         self._radii = radii if side.radii_covariance is None else side.radii_covariance
-        self._limbs, self._scans, self._side = side.limbs, scans, side
+        self._limbs, self._side = side.limbs, side
         count = len(self._limbs)
-        memories = np.full(count + NODES + scans.shared_errors.count, np.inf)
+        memories = np.full(count + NODES + side.shared_errors, np.inf)
         memories[: count + NODES] = FIELD_TIME
         self._joint = JointCovariance(block_diag(initial, self._radii), memories)
 
@@ -69,9 +68,9 @@ class StatedCovariance:
         return self._joint.matrix[:2, :2]
 
     def rows(
-        self, model: Linearisation, rays: Rays, shape_stds: np.ndarray, mean: np.ndarray, k: int
+        self, model: Linearisation, rays: Rays, shape_stds: np.ndarray, mean: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """A (n, 6 + N + m) and own variances (n,) m² of the residuals of scan k's used points.
+        """A (n, 6 + N + m) and own variances (n,) m² of the residuals of a scan's used points.
 
         `rays` are theirs, `shape_stds` (n,) m the standard deviations of the visible shape, `mean`
         is the state of the `model`.
@@ -89,11 +88,10 @@ class StatedCovariance:
         # Of what the process leaves out, neighbours share a part as large as each point's own.
         rough = self._side.roughness**2 * (gradients**2).sum(axis=1)
         field = np.copysign(np.sqrt(rough + (shape_stds * along) ** 2), along)
-        shared = self._scans.shared_directions(k, rays.points_world)
         considered = [
             np.reshape(limbs, (len(limbs), len(angles))).T,
             field[:, None] * field_weights(angles),
-            np.einsum("ni,nij->nj", gradients, shared),
+            np.einsum("ni,nij->nj", gradients, rays.shared),
         ]
         return np.hstack([model.state_matrix, *considered]), own + rough + model.radius_variances
 

@@ -17,12 +17,12 @@ from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_shape import (
     MODE_ANGLES,
     class_shape,
-    end_insets,
+    height_insets,
     outline_modes,
     visible_shape,
     visible_table,
 )
-from stixel_cli.tracking.contour.contour_rays import Rays, at_heights, rays_of, segments
+from stixel_cli.tracking.contour.contour_rays import FACES, Rays, at_heights, rays_of, segments
 from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import SEEN, Linearisation, linearise
@@ -63,6 +63,7 @@ class OneSide:
             deviation each.
         roughness: m, root mean square of what the process leaves out of the class's outline: its
             corners and wheels are sharper.
+        shared_errors: number of the errors that all scans share, of the sensor and of the heights.
         std_factor: on the standard deviation of a point, see `VisibleShape`.
         basis_angles: (N,) rad.
     """
@@ -74,7 +75,7 @@ class OneSide:
         process: ContourProcess,
         scans: Scans,
     ):
-        self._process, self._field_of_view = process, scans.field_of_view
+        self._process, self._scans, self.shared_errors = process, scans, scans.shared_errors.count
         self._known = prior.road_user != "unknown"
         self._tables = None
         self._background = Background()
@@ -105,24 +106,30 @@ class OneSide:
             seen = visible_shape(prior.road_user, seen_by)
             visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
             self._tables = visible, outline_table(shape.outline)
-            self._insets = end_insets(prior.road_user)
+            self._insets = height_insets(prior.road_user)
+            if scans.heights is not None and self._insets is not None:
+                self.shared_errors += FACES
             self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
 
     def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
         """`values` (n,) at the `bearings` (n,) rad of an outline, at the basis angles (N,)."""
         return np.interp(self.basis_angles, bearings, values, period=2.0 * np.pi)
 
-    def rays(self, scan: Scan, pose: np.ndarray) -> tuple[Rays, np.ndarray]:
+    def rays(self, scan: Scan, mean: np.ndarray, position: np.ndarray) -> tuple[Rays, np.ndarray]:
         """The rays of the points of a scan, moved to where they would be if the outline were seen.
 
-        `pose` (3,) is that of the target in the world. Points of an unknown class stay. Also the
-        standard deviations (n,) m of these moves.
+        That is the target's at the `mean` (6 + N,), whose place has the covariance `position`
+        (2, 2) m². Points of an unknown class stay. Also the standard deviations (n,) m of these
+        moves.
         """
         seen, sensor = (scan.points, scan.covariances), scan.sensor
-        rays = rays_of(*seen, sensor, self._field_of_view, heights=scan.heights)
-        stds = np.zeros(len(scan.points))
+        shared = self._scans.shared_directions(scan.k, scan.points)
+        rays = rays_of(*seen, sensor, self._scans.field_of_view, shared, scan.heights)
+        spread = np.sqrt(max(np.trace(position), 0.0))
+        others = self._background.others(rays, mean[:2], mean[2 * SEEN :].max(), spread)
+        rays, stds = replace(rays, others=others), np.zeros(len(scan.points))
         if self._tables is not None and len(scan.points):
-            state = np.concatenate([pose, self._factors])
+            state = np.concatenate([mean[:SEEN], self._factors])
             rays = at_heights(rays, state, self._tables[0], self._insets)
             visible, outline = (
                 expected(state, sensor, rays.directions, table.arrays) for table in self._tables
@@ -131,14 +138,6 @@ class OneSide:
             missed += self._bias_per_std * rays.stds
             rays, stds = replace(rays, ranges=rays.ranges - missed), visible[2]
         return rays, stds
-
-    def others(self, rays: Rays, mean: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Which points of a scan are known to be other objects' than that of the `mean`: (n,).
-
-        `position` (2, 2) m² is the covariance of its place.
-        """
-        spread = np.sqrt(max(np.trace(position), 0.0))
-        return self._background.others(rays, mean[:2], mean[2 * SEEN :].max(), spread)
 
     def target(
         self,

@@ -117,15 +117,14 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
     variance = float(np.mean(rest[core] ** 2))
     edge_variance = float(np.mean(rest[outermost] ** 2)) - variance
     missed_share, missed_columns = _missed(scan, column, width)
+    correlated = _correlation_columns(rest, scan, column, core, width)
     metres, metres_variance = _ends(runs, width, missed_share, missed_columns)
     return FittedNoise(
         kind="fitted",
         columns_per_point=width,
         range_bias=_rounded(range_bias),
         disparity_std=_root(variance),
-        correlation_columns=_rounded(
-            _correlation_columns(rest, scan, column, core, width), 0.0, 1000.0
-        ),
+        correlation_columns=_rounded(correlated, 0.0, 1000.0),
         edge_metres=_rounded(metres),
         edge_metres_std=_root(metres_variance),
         edge_disparity_std=_root(edge_variance),

@@ -97,12 +97,9 @@ def stage_errors(
         path = obstacles.disparity[k - obstacles.first]
         depth = {"depth": nearest.min() if len(nearest) else np.nan}
         of_pixels = disparity_errors(disparities.pixels(k - disparities.first), truth)
-        of_columns = {
-            "columns": len(nearest),
-            "missed": np.sum(missed_columns(path, truth, rig)),
-            "uncovered": np.sum(truth.of_target & ~covered),
-        }
-        rows.append(depth | of_pixels | of_columns)
+        missed, uncovered = missed_columns(path, truth, rig), truth.of_target & ~covered
+        counts = {"columns": len(nearest), "missed": missed.sum(), "uncovered": uncovered.sum()}
+        rows.append(depth | of_pixels | counts)
     by_name = np.array(of_stixels, dtype=np.float64).reshape(-1, len(STIXEL_COLUMNS)).T
     return StageErrors(
         first=frames.start,

@@ -99,24 +99,32 @@ def _principal(differences: np.ndarray, count: int) -> np.ndarray:
     return np.pad(components, ((0, count - len(components)), (0, 0)))
 
 
-def end_insets_of(road_users: Sequence[Sequence[Mesh]]) -> np.ndarray:
-    """How far inside the box of a class its ends are at each height: `class_shape.end_insets`.
+BODY = 2
+"""Index of the height at which a road user's sides are its body's."""
+
+
+def height_insets_of(road_users: Sequence[Sequence[Mesh]]) -> np.ndarray:
+    """How far inside its box a class is at each height: `class_shape.height_insets`.
 
     Of each road user the meshes of all limb poses; 41 points of each edge. Above it, as at its top.
+    A car's mirrors are wider than its sides, so these count from `BODY` on.
     """
     found, share = [], np.linspace(0.0, 1.0, 41)[:, None]
     for meshes in road_users:
-        reach = np.full((2, len(HEIGHTS)), -np.inf)
+        reach = np.full((3, len(HEIGHTS)), -np.inf)
         for begin in map(corners, meshes):
             end = np.roll(begin, -1, axis=1)
             edges = share * begin[..., None, :] + (1.0 - share) * end[..., None, :]
-            x, _, z = edges.reshape(-1, 3).T
+            x, y, z = edges.reshape(-1, 3).T
             slab = np.abs(z[:, None] - HEIGHTS).argmin(axis=1)
             np.maximum.at(reach[0], slab, -x)
             np.maximum.at(reach[1], slab, x)
+            np.maximum.at(reach[2], slab, np.abs(y))
         top = np.flatnonzero(np.isfinite(reach[0])).max()
         reach[:, top:] = reach[:, top : top + 1]
-        found.append(reach.max(axis=1, keepdims=True) - reach)
+        widest = reach.max(axis=1, keepdims=True)
+        widest[2] = reach[2, BODY]
+        found.append(np.maximum(widest - reach, 0.0))
     return np.stack([np.mean(found, axis=0), np.std(found, axis=0)], axis=1)
 
 

@@ -25,12 +25,8 @@ def frame_of(rows, names, metric=IOU):
 
 def of_values(values, metric=IOU):
     """Runs of `values`, by tracker and path the values of the seeds."""
-    rows = [
-        (tracker, path, seed, value)
-        for tracker, paths in values.items()
-        for path, own in paths.items()
-        for seed, value in enumerate(own)
-    ]
+    series = [(name, path, own) for name, paths in values.items() for path, own in paths.items()]
+    rows = [(*names, *pair) for *names, own in series for pair in enumerate(own)]
     return Runs(frame_of(rows, ("tracker", "path", "seed"), metric))
 
 
@@ -62,15 +58,9 @@ def test_only_what_every_value_of_an_axis_has_counts():
 
 def test_a_harder_scene_of_one_option_does_not_count():
     easy = [0.8, 0.82, 0.81, 0.79]
-    answer = of_values(
-        {
-            "contour": {"turn": easy},
-            "gp_ekf": {
-                "turn": [v + 0.02 + i / 1000 for i, v in enumerate(easy)],
-                "hard": [0.3] * 4,
-            },
-        }
-    ).ask()
+    better = [v + 0.02 + i / 1000 for i, v in enumerate(easy)]
+    values = {"contour": {"turn": easy}, "gp_ekf": {"turn": better, "hard": [0.3] * 4}}
+    answer = of_values(values).ask()
     assert answer.table.loc["gp_ekf", "mean"] > answer.table.loc["contour", "mean"]
     assert (answer.best, answer.shown, answer.left_out) == ("gp_ekf", True, 4)
     assert answer.table.loc["gp_ekf", "runs"] == 8
@@ -78,16 +68,13 @@ def test_a_harder_scene_of_one_option_does_not_count():
 
 def test_units_are_seeds_and_differences_are_paired():
     first = {"turn": [0.2, 0.23, 0.18, 0.21, 0.2], "hard": [0.5, 0.55, 0.52, 0.5, 0.53]}
-    second = {
-        path: [v + 0.02 + 0.002 * i for i, v in enumerate(own)] for path, own in first.items()
-    }
+    rise = 0.02 + 0.002 * np.arange(5)
+    second = {path: own + rise for path, own in first.items()}
     answer = of_values({"a": first, "b": second}, CENTRE).ask(metric=CENTRE)
     values = np.mean([*second.values()], axis=0) - np.mean([*first.values()], axis=0)
     row = answer.table.loc["b"]
-    half = half_width(values)
-    np.testing.assert_allclose(
-        row[["minus", "minus_low", "minus_high"]], values.mean() + np.array([0.0, -half, half])
-    )
+    ends = values.mean() + half_width(values) * np.array([0.0, -1.0, 1.0])
+    np.testing.assert_allclose(row[["minus", "minus_low", "minus_high"]], ends)
     assert (row["runs"], answer.units, answer.best, answer.shown) == (10, 5, "a", True)
     # The same as a t-test over the seeds.
     low, high = ttest_1samp(values, 0.0).confidence_interval()
@@ -116,19 +103,14 @@ def test_a_ratio_has_no_best_and_is_compared_with_a_stated_reference_alone():
     nees = "nees_position_mean"
     assert "b +2.00" in of_values(values, nees).ask(metric=nees, reference="a").sentence
     assert "minus" not in of_values(values, nees).ask(metric=nees).sentence
-    answer = of_values(
-        {"a": {"turn": [0.5] * 4}, "b": {"turn": [1.1] * 4}}, "nees_position_mean"
-    ).ask(metric="nees_position_mean")
+    answer = of_values({"a": {"turn": [0.5] * 4}, "b": {"turn": [1.1] * 4}}, nees).ask(metric=nees)
     assert answer.best is None and not answer.shown and "best" not in answer.sentence
     assert answer.worst.loc["a", "value"] == 0.5
 
 
 def test_a_failed_run_stays_and_counts_as_lost():
-    values = {
-        "mine": {"turn": [0.9, None, 0.91, 0.92, None, 0.9]},
-        "point": {"turn": [0.5, 0.52, 0.51, 0.5, 0.53, 0.51]},
-        "broken": {"turn": [None] * 6},
-    }
+    own = {"mine": [0.9, None, 0.91, 0.92, None, 0.9], "point": [0.5, 0.52, 0.51, 0.5, 0.53, 0.51]}
+    values = {name: {"turn": seeds} for name, seeds in (own | {"broken": [None] * 6}).items()}
     answer = of_values(values).ask()
     assert list(answer.table["failed"]) == [2, 0, 6] and list(answer.table["runs"]) == [6, 6, 6]
     np.testing.assert_allclose(answer.table["lost_share"], [1 / 3, 0.0, 1.0])
@@ -139,8 +121,7 @@ def test_a_failed_run_stays_and_counts_as_lost():
     assert answer.notes == [
         "Left out: seed=1 and seed=4, where mine lacks values.",
         "Not compared: broken, without a value.",
-        f"mine: 2 of 6 runs failed, {lost}",
-        f"broken: 6 of 6 runs failed, {lost}",
+        f"Failed: mine 2 of 6 runs and broken 6 of 6 runs; {lost}",
     ]
     assert answer.worst.loc["mine", "status"] == "failed" and answer.order[-1] == "broken"
     rate = of_values(values).ask(metric="track_lost").table["mean"]
@@ -175,19 +156,17 @@ def test_a_sentence_names_the_last_option_and_counts_more():
 
 
 def test_two_units_claim_nothing():
-    answer = of_values({"a": {"turn": [0.035, 0.036]}, "b": {"turn": [0.395, 0.39]}}, CENTRE).ask(
-        metric=CENTRE
-    )
+    values = {"a": {"turn": [0.035, 0.036]}, "b": {"turn": [0.395, 0.39]}}
+    answer = of_values(values, CENTRE).ask(metric=CENTRE)
     assert answer.table[["low", "high", "minus_low", "minus_high"]].isna().all(axis=None)
     assert not answer.shown and "too few to compare, 4 are needed" in answer.sentence
     assert "best" not in answer.sentence and "differ" not in answer.sentence
 
 
 def test_shares_of_lost_runs_have_intervals_over_the_same_units():
-    runs = of_values(
-        {"a": {"turn": [0.5] * 5, "hard": [0.5] * 5}, "b": {"turn": [0.4] * 5, "hard": [0.4] * 5}}
-    )
-    row = runs.ask(metric="track_lost").table.loc["a"]
+    ious = (("a", 0.5), ("b", 0.4))
+    values = {name: {"turn": [iou] * 5, "hard": [iou] * 5} for name, iou in ious}
+    row = of_values(values).ask(metric="track_lost").table.loc["a"]
     # Wilson's of 0 of 5 seeds, not of 0 of 10 runs.
     assert (row["mean"], row["low"]) == (0.0, 0.0) and row["high"] == pytest.approx(0.434, abs=1e-3)
 
@@ -197,15 +176,12 @@ def test_answers_agree_with_plain_loops(seed):
     """Any holes: the larger rectangle of cells that every option has, and its means."""
     rng = np.random.default_rng(seed)
     options, scenes, units = ["x", "y"], ["p", "q", "r"], [0, 1, 2, 3, 4]
-    cells = {
-        key: rng.uniform() if rng.uniform() < 0.85 else None
-        for key in itertools.product(options, scenes, units)
-    }
-    rows = [(o, s, u, v) for (o, s, u), v in cells.items()]
+    keys = itertools.product(options, scenes, units)
+    cells = {key: rng.uniform() if rng.uniform() < 0.85 else None for key in keys}
+    rows = [(*key, value) for key, value in cells.items()]
     answer = Runs(frame_of(rows, ("tracker", "path", "seed"))).ask()
-    known = {
-        (s, u) for s in scenes for u in units if all(cells[o, s, u] is not None for o in options)
-    }
+    places = [*itertools.product(scenes, units)]
+    known = {at for at in places if all(cells[o, *at] is not None for o in options)}
     whole = [s for s in scenes if all((s, u) in known for u in units)]
     full = [u for u in units if all((s, u) in known for s in scenes)]
     used = (whole, units) if len(whole) * len(units) >= len(full) * len(scenes) else (scenes, full)
@@ -215,7 +191,7 @@ def test_answers_agree_with_plain_loops(seed):
     for option in options:
         expected = np.mean([np.mean([cells[option, s, u] for s in used[0]]) for u in used[1]])
         assert answer.table.loc[option, "mean"] == pytest.approx(expected)
-    assert answer.left_out == len(scenes) * len(units) - len(used[0]) * len(used[1])
+    assert answer.left_out == len(places) - len(used[0]) * len(used[1])
 
 
 def test_what_is_not_a_question_is_refused():
@@ -240,9 +216,8 @@ def test_any_frame_of_numbers_is_asked_by_name_and_a_missing_setting_is_a_value(
     answer = Runs(frame).ask(metric="quality", better="more")
     assert (answer.best, answer.shown) == ("b", True)
     assert Runs(frame).ask(metric="quality", better="less").best == "a"
-    assert Runs(frame[frame["method"] == "a"].drop(columns="method")).ask().sentence == (
-        "Quality: all runs 1.00 [0.87, 1.13] (4 seeds)."
-    )
+    alone = Runs(frame[frame["method"] == "a"].drop(columns="method")).ask()
+    assert alone.sentence == "Quality: all runs 1.00 [0.87, 1.13] (4 seeds)."
     rows = [("a", None, 0, 0.5), ("a", "turn", 0, 0.7), ("b", None, 0, 0.6), ("b", "turn", 0, 0.8)]
     answer = Runs(frame_of(rows, ("tracker", "path", "seed"))).ask()
     assert answer.scenarios == ("–", "turn")

@@ -10,9 +10,8 @@ from stixel_cli.evaluation.intervals import between_bounds, mean_interval, share
 
 
 def ends(values, bounds=(None, None), interval=mean_interval):
-    found = interval(
-        pd.DataFrame({"one": values}), *([] if interval is share_interval else [bounds])
-    )
+    given = () if interval is share_interval else (bounds,)
+    found = interval(pd.DataFrame({"one": values}), *given)
     return tuple(found.loc["one", ["low", "high"]])
 
 

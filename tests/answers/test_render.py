@@ -1,5 +1,8 @@
 """An answer as tables and figures."""
 
+import io
+import itertools
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,22 +15,21 @@ from stixel_cli.pictures import style
 
 @pytest.fixture(scope="module")
 def answers():
-    values = {
-        "contour": {"turn": [0.91, 0.92, 0.9, 0.93]},
-        "gp_ekf": {"turn": [0.81, 0.8, 0.82, 0.8]},
-        "my_100%": {"turn": [0.5, None, 0.52, 0.51]},
-    }
-    runs = of_values(values)
-    frame = runs.frame.assign(**{CENTRE: 1.0 - runs.frame[IOU]})
-    return [type(runs)(frame, runs.axes).ask(metric=name) for name in (IOU, CENTRE)]
+    ious = {"contour": [0.91, 0.92, 0.9, 0.93], "gp_ekf": [0.81, 0.8, 0.82, 0.8]}
+    ious["my_100%"] = [0.5, None, 0.52, 0.51]
+    runs = with_centre(of_values({name: {"turn": own} for name, own in ious.items()}))
+    return [runs.ask(metric=name) for name in (IOU, CENTRE)]
+
+
+def with_centre(runs):
+    return Runs(runs.frame.assign(**{CENTRE: 1.0 - runs.frame[IOU]}), runs.axes)
 
 
 def test_the_overview_has_the_best_first_and_counts_failures(answers):
     cells = render.overview(answers)
     assert cells.header[:3] == ("tracker", "runs used", "failed")
-    assert [row[:3] for row in cells.rows] == [
-        ("contour", "3 of 4", "0"), ("gp_ekf", "3 of 4", "0"), ("my_100%", "3 of 4", "1"),
-    ]  # fmt: skip
+    failed = zip(("contour", "gp_ekf", "my_100%"), ("0", "0", "1"), strict=True)
+    assert [row[:3] for row in cells.rows] == [(name, "3 of 4", n) for name, n in failed]
     lost = Runs(answers[0].runs, ("tracker", "path", "seed")).ask(metric="track_lost")
     assert render.overview([answers[0], lost]).header[-1] == "track loss rate (4 runs) [95 %]"
     # Three units are left: no interval, no best.
@@ -42,7 +44,7 @@ def test_a_table_for_a_paper(answers):
     assert r"my\_100\%" in render.latex(answers)
     markdown = render.markdown(shown)
     assert "| **0.907" in markdown and shown[0].sentence in markdown
-    table = pd.read_csv(__import__("io").StringIO(render.csv(shown)))
+    table = pd.read_csv(io.StringIO(render.csv(shown)))
     assert list(table["tracker"]) == ["a_1", "b"] and table["mean"][0] == pytest.approx(0.9075)
     assert render.records(shown)[0]["minus"] is None
 
@@ -59,8 +61,7 @@ def test_figures_repeat_to_the_byte_and_may_be_over_an_axis_of_numbers(answers):
 
 
 def test_runs_and_answers_give_tables_and_figures_themselves(tmp_path):
-    runs = of_values({"a": {"turn": [0.9] * 4}, "b": {"turn": [0.5] * 4}})
-    runs = type(runs)(runs.frame.assign(**{CENTRE: 1.0 - runs.frame[IOU]}), runs.axes)
+    runs = with_centre(of_values({"a": {"turn": [0.9] * 4}, "b": {"turn": [0.5] * 4}}))
     both = runs.answers([IOU, CENTRE])
     for form, write in render.TABLES.items():
         assert runs.table([IOU, CENTRE], form) == write(both)
@@ -113,11 +114,8 @@ def test_the_explanation_names_the_units_and_the_interval_of_each_kind_of_value(
 
 
 def test_a_figure_has_the_best_options_and_its_labels_lie_within_it():
-    rows = [
-        (f"{i}", f"{0.1 * i}", seed, 0.9 - 0.01 * i + 0.001 * seed)
-        for i in range(25)
-        for seed in range(4)
-    ]
+    cells = itertools.product(range(25), range(4))
+    rows = [(f"{i}", f"{0.1 * i}", seed, 0.9 - 0.01 * i + 0.001 * seed) for i, seed in cells]
     frame = frame_of(rows, ("tracker.degrees_of_freedom", "tracker.length_scale", "seed"))
     answer = Runs(frame).ask()
     figure = answer.figure()

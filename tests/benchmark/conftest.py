@@ -11,23 +11,17 @@ import yaml
 from stixel_cli.benchmark import sequences
 from stixel_cli.cli.app import main
 
+PATHS = {"turn": {"path": "turn"}, "crossing": {"path": "crossing"}}
+SIZE = {"path": "turn", "prior.length": {"car": 5.0, "cyclist": 1.9}}
 DEFINITIONS = {
     "version": "1.0",
     "whole": ["frozen", "hard"],
     "road_users": ["car", "cyclist"],
     "sensors": {"fabricated": {"measurement": "fabricated", "path.duration": 1.2}},
     "mini_seeds": [0, 1],
-    "parts": {
-        "frozen": {
-            "seeds": {"fabricated": [0, 1, 2]},
-            "cases": {"turn": {"path": "turn"}, "crossing": {"path": "crossing"}},
-        },
-        "hard": {
-            "seeds": {"fabricated": [0]},
-            "cases": {"size": {"path": "turn", "prior.length": {"car": 5.0, "cyclist": 1.9}}},
-        },
-    },
-}
+    "parts": {"frozen": {"seeds": {"fabricated": [0, 1, 2]}, "cases": PATHS},
+              "hard": {"seeds": {"fabricated": [0]}, "cases": {"size": SIZE}}},
+}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stixel_cli.benchmark import sequences as module
 from stixel_cli.benchmark.demo import demo_scans
 from stixel_cli.benchmark.sequences import (
     Data,
@@ -45,11 +46,9 @@ def test_version_1_0_has_450_sequences_and_fresh_seeds_nobody_can_have_tuned_on(
 
 
 def test_a_second_rendering_has_the_same_id_and_a_tracker_gets_what_was_rendered(
-    rendered, tmp_path, monkeypatch, capsys
+    rendered, tmp_path, monkeypatch, capsys, told
 ):
-    capsys.readouterr()
-    assert main(["bench", "verify", "--data", "data"]) == 0
-    identity = capsys.readouterr().out.split()[-1]
+    identity = told("bench", "verify", "--data", "data").split()[-1]
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "other"))
     assert main(["bench", "render", "--mini", "--data", "again", "--workers", "1"]) == 0
     assert capsys.readouterr().out.split()[-1] == identity == Data(rendered).id
@@ -79,28 +78,23 @@ def test_heights_of_points_come_back_from_a_sequence_and_from_a_run(rendered):
     np.testing.assert_array_equal(of_run.heights, heights)
 
 
-def test_verify_names_a_file_that_was_changed_or_is_missing(rendered, capsys):
+def test_verify_names_a_file_that_was_changed_or_is_missing(rendered, told):
     (rendered / "fabricated-car-turn-0" / "start.json").write_text("{}")
     (rendered / "fabricated-car-turn-1" / "truth.npz").unlink()
-    capsys.readouterr()
-    assert main(["bench", "verify", "--data", "data"]) == 1
-    out = capsys.readouterr().out
+    out = told("bench", "verify", "--data", "data", code=1)
     assert "fabricated-car-turn-0/start.json: is missing or damaged" in out
     assert "fabricated-car-turn-1/truth.npz: is missing" in out
 
 
-def test_verify_takes_other_scans_for_those_of_another_processor_but_no_other_truth(
-    rendered, capsys
-):
+def test_verify_takes_other_scans_for_those_of_another_processor_but_no_truth(rendered, capsys):
     published = json.loads((rendered / "MANIFEST.json").read_text())
     published["files"]["fabricated-car-turn-0/scans.npz"] = "0"
     file = rendered.parent / "definitions" / "MANIFEST-mini.json"
     file.write_text(json.dumps(published))
     capsys.readouterr()
     assert main(["bench", "verify", "--data", "data"]) == 0
-    assert (
-        "scans.npz of 1 sequence differ: another processor or revision" in capsys.readouterr().err
-    )
+    said = "scans.npz of 1 sequence differ: another processor or revision"
+    assert said in capsys.readouterr().err
     published["files"]["fabricated-car-turn-0/truth.npz"] = "0"
     file.write_text(json.dumps(published))
     assert main(["bench", "verify", "--data", "data"]) == 1
@@ -108,12 +102,11 @@ def test_verify_takes_other_scans_for_those_of_another_processor_but_no_other_tr
 
 
 @pytest.mark.parametrize("path", ["../../etc/passwd", "a/b", "x/scans.npz/../../y"])
-def test_a_manifest_cannot_name_other_files(rendered, path, capsys):
+def test_a_manifest_cannot_name_other_files(rendered, path, told):
     manifest = rendered / "MANIFEST.json"
     content = json.loads(manifest.read_text())
     manifest.write_text(json.dumps(content | {"files": {path: "0"}}))
-    assert main(["bench", "verify", "--data", "data"]) == 2
-    assert "not a file of a sequence" in capsys.readouterr().err
+    assert "not a file of a sequence" in told("bench", "verify", "--data", "data", code=2)
 
 
 def test_the_demo_needs_no_data_of_the_user_and_a_star_names_the_folder_of_the_seed(
@@ -151,9 +144,7 @@ def test_scans_of_the_demo_are_on_the_outline_or_on_the_side_that_the_sensor_see
         assert (points[:, 1] > -1.4).any() == whole
 
 
-def test_a_part_is_rendered_run_and_scored(tmp_path, monkeypatch, capsys):
-    from stixel_cli.benchmark import sequences as module
-
+def test_a_part_is_rendered_run_and_scored(tmp_path, monkeypatch, capsys, told):
     chosen = sequences("guest_demo")[:1]
     monkeypatch.setattr(module, "sequences", lambda part, seeds=(): chosen)
     monkeypatch.chdir(tmp_path)
@@ -161,9 +152,8 @@ def test_a_part_is_rendered_run_and_scored(tmp_path, monkeypatch, capsys):
     assert main(["bench", "run", "box", "--data", "demo"]) == 0, capsys.readouterr().err
     scored = ["bench", "score", "box.zip", "--data", "demo", "--rows", "rows"]
     assert main(scored) == 0 and len(list((tmp_path / "rows").iterdir())) == 1
-    assert main(["bench", "verify", "--data", "absent"]) == 2
-    assert "MANIFEST.json: is missing: name the folder of the sequences" in capsys.readouterr().err
-    assert main(["bench", "page", "--rows", "absent"]) == 2
-    assert "--rows: absent: no such folder" in capsys.readouterr().err
+    absent = told("bench", "verify", "--data", "absent", code=2)
+    assert "MANIFEST.json: is missing: name the folder of the sequences" in absent
+    assert "--rows: absent: no such folder" in told("bench", "page", "--rows", "absent", code=2)
     nothing = ["bench", "render", "--part", "guest_demo", "--sensor", "lidar", "--data", "demo"]
     assert main(nothing) == 2 and "'lidar': must be one of" in capsys.readouterr().err

@@ -28,13 +28,11 @@ SCHEMA = Path(__file__).parents[2] / "pipelines" / "bench" / "pack.schema.json"
 
 
 @pytest.fixture
-def refused(capsys):
+def refused(told):
     """Runs a command that must be refused in one line, and returns that line."""
 
     def run(*arguments):
-        capsys.readouterr()
-        assert main(["bench", *arguments, "--data", "data"]) == 2
-        error = capsys.readouterr().err
+        error = told("bench", *arguments, "--data", "data", code=2)
         assert error.count("\n") == 1, error
         return error
 
@@ -117,12 +115,9 @@ def test_golden_scores_of_the_true_box_moved_along_the_heading(rendered):
     truth = given.truth
     track = true_box(truth)
     along = np.array([np.cos(track["means"][:, 2]), np.sin(track["means"][:, 2])]).T
-    moved = {
-        **track,
-        "means": track["means"] + np.column_stack([0.5 * along, np.zeros(len(along))]),
-        "contours": track["contours"] + 0.5 * along[:, None],
-        "covariances": np.tile(0.25 * np.eye(3), (len(along), 1, 1)),
-    }
+    moved = track | {"covariances": np.tile(0.25 * np.eye(3), (len(along), 1, 1))}
+    moved["means"] = track["means"] + np.column_stack([0.5 * along, np.zeros(len(along))])
+    moved["contours"] = track["contours"] + 0.5 * along[:, None]
     scores = sequence_scores(moved, given)
     length = np.ptp(truth.box_target, axis=0)[0]
     assert scores["iou_box_mean"] == pytest.approx((length - 0.5) / (length + 0.5), abs=1e-4)

@@ -21,27 +21,17 @@ def row(name, ious, tier="rerun", names=NAMES, **about):
     scores = {"iou_mean": np.clip(ious, 0.0, 1.0).tolist(), "ms_per_scan": [1.0] * len(ious)}
     # The only track that was lost.
     lost = [2.0 if name == "gp_ekf" else None, *[None] * (len(ious) - 1)]
-    scores["time_to_loss_s"] = lost
-    return {
-        "tracker": tracker | about,
-        "benchmark": "a" * 64,
-        "tier": tier,
-        "metric_version": METRIC_VERSION,
-        "sequences": names,
-        "pack": sha256(name.encode()),
-        "scores": scores,
-    }
+    found = {"tracker": tracker | about, "scores": scores | {"time_to_loss_s": lost}}
+    found |= {"benchmark": "a" * 64, "tier": tier, "metric_version": METRIC_VERSION}
+    return found | {"sequences": names, "pack": sha256(name.encode())}
 
 
 def rows():
     base = NOISE.uniform(0.5, 0.7, len(NAMES))
     jitter = NOISE.normal(0.0, 0.05, len(NAMES))
-    return [
-        row("gp_ekf", base),
-        row("equal", base + jitter - jitter.mean()),
-        row("better", base + 0.1),
-        row("smoothed", base + 0.2, causal=False),
-    ]
+    equal = row("equal", base + jitter - jitter.mean())
+    better, smoothed = row("better", base + 0.1), row("smoothed", base + 0.2, causal=False)
+    return [row("gp_ekf", base), equal, better, smoothed]
 
 
 def test_the_page_compares_what_is_comparable():
@@ -103,7 +93,7 @@ def test_fresh_rows_and_other_processors():
 
 @pytest.mark.parametrize("key", ["benchmark", "pack", "fresh_of", "sequences"])
 @pytest.mark.parametrize("place", ["../evil", "{folder}/evil"])
-def test_a_row_that_names_a_file_elsewhere_is_refused(key, place, tmp_path, monkeypatch, capsys):
+def test_a_row_that_names_a_file_elsewhere_is_refused(key, place, tmp_path, monkeypatch, told):
     name = place.format(folder=tmp_path)
     edited = row("gp_ekf", np.full(len(NAMES), 0.5))
     edited[key] = [name, *NAMES[1:]] if key == "sequences" else name
@@ -112,8 +102,7 @@ def test_a_row_that_names_a_file_elsewhere_is_refused(key, place, tmp_path, monk
     monkeypatch.chdir(folder)
     sequences.definitions()
     monkeypatch.setattr(sequences, "bench_folder", lambda: folder)
-    assert main(["bench", "page", "--rows", "rows", "--output", "site"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = told("bench", "page", "--rows", "rows", "--output", "site", code=2).splitlines()
     assert key in line or "not the name of a sequence" in line
     assert not (folder / "site").exists() and not list(tmp_path.rglob("evil*"))
 

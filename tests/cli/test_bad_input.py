@@ -27,7 +27,7 @@ SENTENCES = {
     "tracker=own": "for your own, give a function: tracker=MODULE:FUNCTION",
     "+x=3": "x: unknown key; `stixel describe`",
     "+rig.width=300": "+rig.width=300: no key can be added or removed: leave out the +",
-    "rig@x=kitti": "rig@x=kitti: packages (@) and Hydra's own settings have no effect",
+    "rig@x=kitti": "rig@x=kitti: packages (@) and Hydra's settings have no effect",
     "path.kind=circle": "path.kind: unknown key; did you mean path=approach|circle|",
     "measurement.rays=9": "measurement.rays: unknown key with measurement=stixels; it "
     "belongs to measurement=fabricated",
@@ -59,7 +59,7 @@ SENTENCES = {
     "rig.width=${nope}": "rig.width: refers to nope, an unknown key",
     "rig.width=${rig.widht}": "did you mean ${rig.width}?",
     "rig.width=${oc.deprecated:rig.height}": "cannot be looked up: write ${KEY}",
-    "hydra.run.dir=x": "Hydra's own settings have no effect here",
+    "hydra.run.dir=x": "Hydra's settings have no effect here",
     "rig._recursive_=true": "rig._recursive_: unknown key; rig has width, height",
     "seed=1\nrig.width=3": "seed=1\\nrig.width=3: is several overrides in one text",
     "rig.width=\udcff": "is not UTF-8 text",

@@ -94,6 +94,69 @@ def test_the_readme_says_on_which_paths_its_figures_are_and_where_tracks_are_los
     assert "docs/studies.md#where-gp_ekf-loses-the-target" in before[-1200:]
 
 
+_SCORE = re.compile(
+    r"\b(?:IoUs?|NEES|NIS|RMSE?|overlaps?|coverage|errors?|intervals?|lost|loss)\b", re.I
+)
+# As a study writes its numbers, in two decimals or more or as 1.2 %, or a change, 3 → 4. The limits
+# of a definition have fewer.
+_FIGURE = re.compile(r"(?<![\w.=])\d*\.\d\d+(?!\w|\.\d)|\d+\.\d %|\d(?: %| m| px)? → \.?\d")
+_COMMAND = re.compile(r"`[^`]*\b(?:stixel|python|pytest)\s[^`]*`")
+_GENERATED = re.compile(r"<!-- from .*?<!-- end -->", re.S)
+_CODE = re.compile(r"^```(\w*)(.*?)^```$", re.M | re.S)
+
+
+def typed_figures(text: str) -> list[str]:
+    """Numbers of scores that no script has written and whose paragraph names no command.
+
+    A list item or a row of a table is a paragraph; the one before it that ends with a colon, or a
+    block of code, counts with it. What a `console` block of the page prints, a test compares.
+    """
+    printed = "".join(block[2] for block in _CODE.finditer(text) if block[1] == "console")
+    text = _CODE.sub(lambda block: "`stixel :`:" * (block[1] == "sh"), text)
+    found, lead, previous = [], "", ""
+    for paragraph in _GENERATED.sub("", text).split("\n\n"):
+        listed = re.match(r"[-*|]|\d+\. ", paragraph)
+        lead = previous if previous.endswith(":") else lead if listed else ""
+        for part in re.split(r"\n(?=[-*|]|\d+\. )", paragraph):
+            words = re.sub(r"`[^`]*`|\$[^$]*\$|\]\([^)]*\)", "", part)
+            if _SCORE.search(words) and not _COMMAND.search(lead + part):
+                found += [n for n in _FIGURE.findall(words) if n not in _FIGURE.findall(printed)]
+        previous = paragraph.rstrip()
+    return found
+
+
+# `make bench` and docs/gallery.py write the two others as a whole.
+BY_HAND = [page for page in PAGES if page.name not in ("benchmark.md", "gallery.md")]
+
+
+@pytest.mark.parametrize("page", BY_HAND, ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_number_of_a_study_is_written_by_a_script_or_names_its_command(page):
+    assert typed_figures(page.read_text(encoding="utf-8")) == []
+
+
+def test_a_typed_number_of_a_study_is_found():
+    block = "<!-- from the studies -->\n\nIoU 0.93\n\n<!-- end -->"
+    console = "```console\n$ stixel run\nIoU 0.81\n```"
+    for allowed in (
+        block,
+        f"{console}\n\nThe IoU of 0.81 is fair.",
+        "Lost below an IoU of 0.2.",
+        "The error is 0.12 m (`stixel study rq1`).",
+        "By `python bench/a.py`:\n\n| error | 0.12 |\n| error | 0.13 |",
+        "`tracker.sigma_f=0.15` changes the error.",
+    ):
+        assert typed_figures(allowed) == []
+    typed = {
+        f"{block}\n\nThe IoU is 0.93 there.": ["0.93"],
+        f"{console}\n\nThe IoU is 0.82.": ["0.82"],
+        "- By `stixel study rq1`.\n- The error is .12 m.": [".12"],
+        "By `python bench/a.py`:\n\n| error | 0.12 |\n\nOther errors are 0.13 m.": ["0.13"],
+        "Lost tracks: 23 % → 0.": ["3 % → 0"],
+        "4.5 % are lost.": ["4.5 %"],
+    }
+    assert {text: typed_figures(text) for text in typed} == typed
+
+
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 REFERENCE_TYPES = {"thesis", "article", "conference-paper"}
@@ -205,6 +268,21 @@ def test_pages_have_the_answers_and_the_tables(tmp_path):
     text = places["ACCURACY"].read_text()
     assert "held out, car:\n\n| contour | 0.93 |\n" in text
     assert "0.99" not in text and "Words" not in text
+
+
+def test_a_block_of_real_data_has_what_its_command_prints(tmp_path, monkeypatch):
+    script = load_script("real_data")
+    (tmp_path / "prints.py").write_text(
+        "import sys\nprint('| a |\\n|---|\\nin all', sys.argv[1])\n"
+    )
+    monkeypatch.setenv("STIXEL_DATA", "here")
+    block = f"<!-- from {tmp_path / 'prints.py'} $STIXEL_DATA -->\n{{}}\n<!-- end -->"
+    page = f"Before.\n\n{block}\n\nAfter.\n"
+    new = page.format("\n| a |\n|---|\n\n- in all here\n")
+    assert script.BLOCK.sub(script.written, page.format("old")) == new
+    page = (DOCS / "real-data.md").read_text(encoding="utf-8")
+    assert all((ROOT / block[2].split()[0]).is_file() for block in script.BLOCK.finditer(page))
+    assert len(script.BLOCK.findall(page)) == page.count("<!-- end -->") == 4
 
 
 def test_every_page_has_an_entry():

@@ -153,17 +153,13 @@ class Project:
 
     def add_line(self, function: str, line: str) -> None:
         """Put a line at the beginning of a stage's body."""
-        self.edit(
-            function.split()[0], f'log.called("{function}")', f'log.called("{function}"); {line}'
-        )
+        call = f'log.called("{function}")'
+        self.edit(function, call, f"{call}; {line}")
 
     def contents(self, graph) -> dict[str, bytes]:
         """The stored bytes of every node that is there."""
-        return {
-            node.label: (self.store.entry(key) / VALUE).read_bytes()
-            for key, node in graph.nodes.items()
-            if self.store.has(key)
-        }
+        keys = {node.label: key for key, node in graph.nodes.items() if self.store.has(key)}
+        return {label: (self.store.entry(key) / VALUE).read_bytes() for label, key in keys.items()}
 
     def forget(self) -> None:
         """Forget the imported package, so that it is imported again as in a new process."""
@@ -186,27 +182,18 @@ class Project:
 
     def stages(self, factor=2.0, offset=0.0, seed=1, frames=(2, 9), count=FRAMES) -> list[Stage]:
         gain = importlib.import_module(f"{self.name}.nouns").Gain(factor, offset)
+        doubled = {"doubled": "double"}
+
+        def stage(name, pattern, inputs, settings=None, **more):
+            return Stage(name, self.function(name), pattern, inputs, settings or {}, **more)
+
         return [
-            Stage("numbers", self.function("numbers"), "once", {}, {"count": count}),
-            Stage("double", self.function("double"), "map", {"numbers": "numbers"}, {"gain": gain}),
-            Stage("running", self.function("running"), "fold", {"doubled": "double"}, {}),
-            Stage(
-                "gather",
-                self.function("gather"),
-                "once",
-                {"doubled": "double", "running": "running"},
-                {},
-                seed=seed,
-            ),
-            Stage("grid", self.function("grid"), "pick", {"doubled": "double"}, {}, frames=frames),
-            Stage(
-                "show",
-                self.function("show"),
-                "pick",
-                {"doubled": "double", "grid": "grid"},
-                {},
-                frames=frames,
-            ),
+            stage("numbers", "once", {}, {"count": count}),
+            stage("double", "map", {"numbers": "numbers"}, {"gain": gain}),
+            stage("running", "fold", doubled),
+            stage("gather", "once", doubled | {"running": "running"}, seed=seed),
+            stage("grid", "pick", doubled, frames=frames),
+            stage("show", "pick", doubled | {"grid": "grid"}, frames=frames),
         ]
 
     def graph(self, **changes):

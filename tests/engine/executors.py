@@ -4,11 +4,8 @@ from stixel_cli.engine.parameters import LocalExecutor, ThreadsExecutor
 
 
 def executors(workers=2):
-    return {
-        "serial": None,
-        "local": LocalExecutor("local", workers, None),
-        "threads": ThreadsExecutor("threads", workers),
-    }
+    threads, local = ThreadsExecutor("threads", workers), LocalExecutor("local", workers, None)
+    return {"serial": None, "local": local, "threads": threads}
 
 
 EXECUTORS = executors()

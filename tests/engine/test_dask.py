@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from concurrent.futures import CancelledError, wait
+from contextlib import closing
 from textwrap import dedent
 
 import pytest
@@ -28,6 +29,7 @@ distributed = pytest.importorskip("distributed", reason="Dask is not installed")
 psutil = pytest.importorskip("psutil", reason="it comes with Dask")
 
 FRAMES = 12
+LOOPBACK = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
 
 SLOW = """
     import os
@@ -79,25 +81,16 @@ def cluster(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", path)
         patch.syspath_prepend(folder)
-        with distributed.LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            memory_limit=0,
-            scheduler_kwargs={"allowed_failures": 0},
-            silence_logs=logging.CRITICAL,
-            env=ENVIRONMENT,
-        ) as started:
+        options = {"threads_per_worker": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL}
+        options |= {"scheduler_kwargs": {"allowed_failures": 0}, "env": ENVIRONMENT}
+        with distributed.LocalCluster(n_workers=2, **LOOPBACK, **options) as started:
             yield started.scheduler_address
 
 
 def graph_of(folder):
-    stages = [
-        Stage("slow", "dask_steps.steps:slow", "map", {}, {"folder": str(folder)}, seed=3),
-        Stage("total", "dask_steps.steps:total", "fold", {"slow": "slow"}, {}),
-    ]
-    return GraphBuilder().build(stages, FRAMES, 1)
+    slow = Stage("slow", "dask_steps.steps:slow", "map", {}, {"folder": str(folder)}, seed=3)
+    total = Stage("total", "dask_steps.steps:total", "fold", {"slow": "slow"}, {})
+    return GraphBuilder().build([slow, total], FRAMES, 1)
 
 
 def executor_at(cluster, time_limit=300.0):
@@ -161,10 +154,9 @@ def test_a_stage_that_always_kills_its_worker(cluster, project, notes):
 
 def test_an_outcome_that_never_comes_counts_as_a_crash(cluster):
     """Dask's message that a task is finished came, but not the one with its outcome."""
-    pool = DaskPool(executor_at(cluster))
     lost = []
-    pool._client.subscribe_topic(PROGRAM, lost.append)
-    try:
+    with closing(DaskPool(executor_at(cluster))) as pool:
+        pool._client.subscribe_topic(PROGRAM, lost.append)
         with pytest.raises(WorkerDied, match="no outcome") as raised:
             outcome_of(pool, pool.submit(divmod, 7, 2))
         assert pool.died(raised.value)
@@ -173,8 +165,6 @@ def test_an_outcome_that_never_comes_counts_as_a_crash(cluster):
             pool._receive(event)
         pool._client.subscribe_topic(PROGRAM, pool._receive)
         assert outcome_of(pool, pool.submit(divmod, 7, 2)) == (3, 1)
-    finally:
-        pool.close()
 
 
 def outcome_of(pool, future):
@@ -188,14 +178,11 @@ def outcome_of(pool, future):
 def test_an_outcome_that_cannot_be_decoded_here_is_an_error(cluster):
     from dask_steps.steps import unreadable
 
-    pool = DaskPool(executor_at(cluster))
-    try:
+    with closing(DaskPool(executor_at(cluster))) as pool:
         with pytest.raises(ZeroDivisionError):
             outcome_of(pool, pool.submit(unreadable))
         with pytest.raises(TypeError):
             outcome_of(pool, pool.submit(divmod, 7))
-    finally:
-        pool.close()
 
 
 def test_a_task_is_cancelled_while_it_runs(cluster, tmp_path):
@@ -220,44 +207,33 @@ def test_a_worker_with_other_versions_is_refused(cluster, project, monkeypatch):
         executed(project, cluster, GraphBuilder().build([stage], 1, 1), "hang")
 
 
-def test_a_scheduler_that_is_lost(project, tmp_path):
-    script = tmp_path / "scheduler.py"
-    script.write_text(
-        dedent(
-            """
-            import sys, time
-            from distributed import LocalCluster
-            if __name__ == "__main__":
-                cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://",
-                                       host="127.0.0.1", dashboard_address="127.0.0.1:0")
-                print(cluster.scheduler_address, flush=True)
-                time.sleep(600.0)
-            """
-        )
-    )
-    (tmp_path / "lost_steps.py").write_text(
-        "import time\n\ndef wait(frames, folder):\n"
-        "    open(folder + '/running', 'w').close()\n    time.sleep(600.0)\n"
-    )
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    process = subprocess.Popen(
-        [sys.executable, str(script)], stdout=subprocess.PIPE, text=True, env=environment
-    )
+SCHEDULER = """
+    import time
+    from distributed import LocalCluster
+    cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://",
+                           host="127.0.0.1", dashboard_address="127.0.0.1:0")
+    print(cluster.scheduler_address, flush=True)
+    time.sleep(600.0)
+    """
+
+
+def test_a_scheduler_that_is_lost(cluster, project, tmp_path):
+    """The one of another process, whose worker hangs; `cluster` has the packages' path."""
+    command = [sys.executable, "-c", dedent(SCHEDULER)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     address = process.stdout.readline().strip()
 
     def kill():
         deadline = time.monotonic() + 300.0
-        while not (tmp_path / "running").exists() and time.monotonic() < deadline:
+        while not list(tmp_path.glob("running-5-*")) and time.monotonic() < deadline:
             time.sleep(0.02)
         process.kill()
 
     killer = threading.Thread(target=kill)
     killer.start()
-    stage = Stage("wait", "lost_steps:wait", "map", {}, {"folder": str(tmp_path)})
     try:
-        with pytest.raises(ExecutorError, match=f"the Dask scheduler at {address} was lost"):
-            executor = DaskExecutor("dask", 1, None, address)
-            execute(GraphBuilder().build([stage], 2, 1), ["wait"], project.store, executor=executor)
+        with pytest.raises(ExecutorError, match=f"the Dask scheduler at {address} is gone"):
+            executed(project, address, graph_of(tmp_path), "slow", None)
     finally:
         killer.join()
         process.communicate(timeout=600)
@@ -279,15 +255,12 @@ def test_a_scheduler_without_workers(project, notes, monkeypatch):
         monkeypatch.setattr("stixel_cli.engine.dask_pool.LONG_PATIENCE", 0.0)
 
     notes.note = end_patience
-    with distributed.LocalCluster(
-        n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", protocol="tcp://"
-    ) as nobody:
+    with distributed.LocalCluster(n_workers=0, protocol="tcp://", **LOOPBACK) as nobody:
         scheduler = nobody.scheduler_address
         with pytest.raises(ExecutorError, match=f"^no worker at the Dask scheduler {scheduler} "):
             executed(project, scheduler, project.graph(), "numbers", progress=notes)
-    assert [note.partition(",")[0] for note in notes.notes] == [
-        f"waiting for workers at {scheduler}"
-    ]
+    (note,) = notes.notes
+    assert note.startswith(f"waiting for workers at {scheduler},")
 
 
 def test_the_probe(cluster, tmp_path, monkeypatch):

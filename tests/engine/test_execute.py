@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.engine import progress as progress_module
+from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.parameters import LocalExecutor
 from stixel_cli.engine.plan import DURATIONS, Durations, plan
 from stixel_cli.engine.progress import Display, Progress, crash_note
@@ -52,8 +53,8 @@ def test_a_second_run_computes_nothing_and_needs_no_inputs_of_cached_results(pro
     graph = project.graph()
     project.run(graph)
     for node in graph.of_stage("double") + graph.of_stage("numbers"):
-        (project.store.entry(node.key) / VALUE).unlink()
-        (project.store.entry(node.key) / "meta.json").unlink()
+        for name in (VALUE, "meta.json"):
+            (project.store.entry(node.key) / name).unlink()
     project.calls()
     project.run(graph)
     assert project.calls() == []
@@ -140,12 +141,9 @@ def test_plan_computes_and_writes_nothing(project):
 
 
 def test_a_chunk_sequence_can_be_read_again_and_in_part(project):
-    project.edit(
-        "gather",
-        "return [chunk.total() for chunk in doubled], list(running), noise",
-        "return len(doubled), doubled[-1].first, [c.first for c in doubled[1:]], "
-        "[c.first for c in doubled] == [c.first for c in doubled]",
-    )
+    old = "return [chunk.total() for chunk in doubled], list(running), noise"
+    new = "return len(doubled), doubled[-1].first, [c.first for c in doubled[1:]], "
+    project.edit("gather", old, f"{new}[c.first for c in doubled] == [c.first for c in doubled]")
     graph = project.graph()
     project.run(graph)
     assert load(project, graph, "gather") == [(3, 8, [4, 8], True)]
@@ -177,12 +175,8 @@ def test_few_first_targets_are_computed_in_this_process(project):
     project.calls()
     known = {project.function("gather"): 0.01, project.function("show"): 100.0}
     (project.store.folder / DURATIONS).write_text(json.dumps(known))
-    project.run(
-        project.graph(seed=2, frames=(3,)),
-        targets=("gather", "grid", "show"),
-        executor=LocalExecutor("local", 1, None),
-        first=["gather"],
-    )
+    options = {"executor": LocalExecutor("local", 1, None), "first": ["gather"]}
+    project.run(project.graph(seed=2, frames=(3,)), ("gather", "grid", "show"), **options)
     calls = project.calls()
     assert calls[1:] == [calls[1], "gather", "grid 3", "show 3"]
     assert sum(call == str(os.getpid()) for call in calls) == 1, "gather here, show in a worker"
@@ -217,7 +211,9 @@ def feed(progress, project, clock, step):
 
 
 def test_lines(project, clock, capsys):
-    feed(Progress(visible=True), project, clock, 3.0)
+    progress = Progress(visible=True)
+    progress.expect(dict.fromkeys(("double", "running", "gather", "grid"), 3.0), 1)
+    feed(progress, project, clock, 3.0)
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.splitlines() == [
@@ -244,25 +240,38 @@ def test_the_time_left(project, clock, capsys):
     graph = project.graph()
     nodes = [*graph.of_stage("double"), *graph.of_stage("running")]
     lines.begin(nodes, cached=0)
-    assert lines.seconds_left() == 135.0
+    assert lines.seconds_left() == 0.5 * (3 * 30.0 + 3 * 60.0)
     lines.started(nodes[0])
     clock[0] += 20.0
     lines.tick()
-    lines.finished(nodes[0], 20.0)
-    assert lines.seconds_left() == 110.0, "by what was seen, where there is some"
     said = capsys.readouterr().err
     assert said == f"stixel: [0 %] about 2 min left; double 0/{FRAMES_OF_PROGRESS} frames\n"
-    lines.expect({}, 2)
-    assert lines.seconds_left() == 0.5 * (2 * 20.0 + 3 * 20.0), "unknown: as an average node"
-    lines.finished(nodes[3], 5.0)
-    assert lines.share == 25.0 / (25.0 + 2 * 20.0 + 2 * 5.0)
-    lines.expect({"running": 60.0}, 2)
+    for node in nodes[:2]:
+        lines.finished(node, 900.0)
+    assert lines.seconds_left() == 0.5 * (30.0 + 3 * 60.0), "each worker's first node compiles"
+    lines.finished(nodes[2], 20.0)
+    assert lines.share == 0.25
     lines.extend(nodes[:3])
-    assert lines.share == 25.0 / 75.0, "it never falls"
-    unknown = Progress()
-    unknown.begin(nodes, cached=0)
-    assert unknown.seconds_left() is None
-    assert unknown.text_left == ""
+    assert lines.seconds_left() == 0.5 * (3 * 20.0 + 3 * 60.0), "by what was seen"
+    assert lines.share == 0.25, "it never falls"
+
+
+def test_no_time_is_estimated_before_each_stage_has_run_on_each_worker(project):
+    lines = Progress()
+    lines.expect({}, 2)
+    graph = project.graph()
+    double, running = graph.of_stage("double"), graph.of_stage("running")
+    lines.begin([*double, *double, *running, *running], cached=0)
+    for node, seconds in (*((n, 20.0) for n in double), *((n, 900.0) for n in running[:2])):
+        lines.finished(node, seconds)
+        assert (lines.seconds_left(), lines.text_left) == (None, "")
+    assert lines.share == pytest.approx(5 / 12), "of the nodes"
+    lines.finished(running[2], 80.0)
+    assert lines.seconds_left() == 0.5 * (3 * 20.0 + 3 * 80.0)
+    assert lines.text_left == "about 2 min left; "
+    failure = StageFailure("running", "running[0:4]", ValueError("no"), "")
+    lines.failed(running[0], failure, running[1:])
+    assert lines.seconds_left() == 0.5 * 3 * 20.0
 
 
 def test_progress_gets_the_durations_of_earlier_runs(project):
@@ -296,12 +305,11 @@ def test_estimates_are_of_the_work_and_leave_out_what_was_never_measured(project
 def test_a_short_execution_shows_nothing(project, clock, capsys, monkeypatch, terminal):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
     feed(Progress(visible=True), project, clock, 0.01)
-    captured = capsys.readouterr()
-    assert (captured.out, captured.err) == ("", "stixel: recomputed\n")
+    assert capsys.readouterr() == ("", "stixel: recomputed\n")
 
 
 def test_the_note_on_a_crashed_worker():
     note = crash_note(["double", "double", "grid[0:10]"], True)
-    assert "crashed" in note and "double (2 nodes), grid[0:10]" in note and "retrying each" in note
-    assert crash_note(["double"], True).endswith("retrying double on its own")
+    assert "double (2 nodes), grid[0:10]; retrying them one at a time" in note
+    assert crash_note(["double"], True).endswith("retrying it")
     assert crash_note(["double"], False) == "a worker crashed while running double"

@@ -22,11 +22,6 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import VALUE, Store
 
 
-def _computed(execution, stage):
-    (record,) = (one for one in execution.stage_records() if one["name"] == stage)
-    return record["nodes_computed"]
-
-
 def test_a_stage_that_raises(project):
     project.add_line("gather", "raise ValueError('no such thing')")
     with pytest.raises(StageFailure, match=r"^gather: ValueError: no such thing\n") as caught:
@@ -83,13 +78,8 @@ def test_a_stage_that_always_kills_its_worker(project, notes):
 
 def test_a_worker_that_is_killed_once_costs_nothing_but_time(project, notes):
     marker = project.folder / "killed"
-    project.add_line("gather", f"open({str(marker)!r}, 'x') and None")
-    project.edit(
-        "gather",
-        f"open({str(marker)!r}, 'x') and None",
-        f"import pathlib; p = pathlib.Path({str(marker)!r}); "
-        "p.exists() or (p.touch(), __import__('os').kill(__import__('os').getpid(), 9))",
-    )
+    once = f"import os, pathlib; p = pathlib.Path({str(marker)!r}); "
+    project.add_line("gather", f"{once}p.exists() or (p.touch(), os.kill(os.getpid(), 9))")
     graph = project.graph()
     project.run(graph, executor="local", progress=notes)
     assert all(project.store.verify(node.key) for node in graph.nodes.values())
@@ -99,12 +89,9 @@ def test_a_worker_that_is_killed_once_costs_nothing_but_time(project, notes):
 
 def damage(project, graph, name, position=0, cut=False):
     path = project.store.entry(graph.of_stage(name)[position].key) / VALUE
-    content = bytearray(path.read_bytes())
-    if cut:
-        del content[-5:]
-    else:
-        content[-3] ^= 4
-    path.write_bytes(content)
+    content = path.read_bytes()
+    other = content[:-3] + bytes([content[-3] ^ 4]) + content[-2:]
+    path.write_bytes(content[:-5] if cut else other)
 
 
 @pytest.mark.parametrize("executor", ["serial", "local"])
@@ -118,10 +105,11 @@ def test_a_damaged_input_is_made_again(project, executor, notes):
     damage(project, graph, "double")
     execution = project.run(graph, executor=executor, progress=notes)
     assert set(project.calls()) == {"double 0", "show 2"}
-    assert notes.notes == [
-        "cached result of double[0:4] is unusable (its content has changed); recomputing it"
-    ]
-    assert _computed(execution, "double") == 1
+    (note,) = notes.notes
+    said = "cached result of double[0:4] is unusable (its content has changed)"
+    assert note == f"{said}; recomputing it"
+    computed = {one["name"]: one["nodes_computed"] for one in execution.stage_records()}
+    assert computed["double"] == 1
     assert project.store.load(graph.of_stage("show")[0].key) == expected
 
 
@@ -227,19 +215,11 @@ def start(project, executor):
     """Another process that runs two waiting nodes; it has planned when this returns."""
     if not (project.package / "waiting.py").exists():
         project.write("waiting", WAITING)
-    script = dedent(SCRIPT).format(
-        folder=str(project.folder),
-        name=project.name,
-        cache=str(project.store.folder),
-        executor=EXECUTORS[executor],
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", script],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    places = {"folder": str(project.folder), "cache": str(project.store.folder)}
+    script = dedent(SCRIPT).format(**places, name=project.name, executor=EXECUTORS[executor])
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    command = [sys.executable, "-c", script]
+    process = subprocess.Popen(command, start_new_session=True, **pipes)
     assert process.stdout.readline() == "planned\n"
     return process
 

@@ -1,6 +1,7 @@
 """A node that fails or takes too long does not stop the others; what depends on it is skipped."""
 
 import os
+import threading
 
 import pytest
 
@@ -19,9 +20,8 @@ def statuses(execution):
 
 @pytest.mark.parametrize("executor", ["serial", "threads", "local"])
 def test_a_failed_node_fails_alone(project, notes, executor):
-    project.edit(
-        "running", "return doubled.total()", "assert frames.start != 4; return doubled.total()"
-    )
+    total = "return doubled.total()"
+    project.edit("running", total, f"assert frames.start != 4; {total}")
     graph = project.graph()
     execution = project.run(graph, executor=executor, keep_going=True, progress=notes)
     found = statuses(execution)
@@ -34,40 +34,22 @@ def test_a_failed_node_fails_alone(project, notes, executor):
     running, gather = graph.of_stage("running"), graph.of_stage("gather")[0]
     assert execution.failure_of([gather.key]) == (running[1].key, failure)
     assert execution.failure_of([running[0].key]) is None
-    assert [record["status"] for record in execution.stage_records()] == [
-        *("computed", "computed", "failed", "skipped", "computed", "computed")
-    ]
+    of_stages = [record["status"] for record in execution.stage_records()]
+    assert of_stages == ["computed"] * 2 + ["failed", "skipped"] + ["computed"] * 2
     (note,) = notes.notes
     assert note.startswith("failed: running[4:8]: AssertionError: (")
     assert "running.py, line " in note, "the file may be the user's own"
     assert (notes.failures, notes.all_done, notes.all_total) == (1, 9, 9)
 
 
-def test_missing_and_failed_nodes_run_the_next_time(project, notes):
-    project.add_line("gather", "raise ValueError('once')")
-    project.run(keep_going=True, progress=notes)
-    project.calls()
-    project.edit("gather", "; raise ValueError('once')", "")
-    execution = project.run(keep_going=True)
-    assert project.calls() == ["gather"] and execution.failures == {}
-
-
 def test_two_failures_with_a_common_successor(project, notes):
-    project.edit(
-        "double", "values = numbers[", "assert frames.start == 8, frames; values = numbers["
-    )
+    project.edit("double", "values = ", "assert frames.start == 8, frames; values = ")
     execution = project.run(keep_going=True, progress=notes)
     found = statuses(execution)
-    assert [label for label, status in found.items() if status == "failed"] == [
-        "double[0:4]",
-        "double[4:8]",
-    ]
-    assert [label for label, status in found.items() if status == "computed"] == [
-        "numbers",
-        "double[8:10]",
-        "grid[9]",
-        "show[9]",
-    ]
+    failed = [label for label in found if found[label] == "failed"]
+    computed = [label for label in found if found[label] == "computed"]
+    assert failed == ["double[0:4]", "double[4:8]"]
+    assert computed == ["numbers", "double[8:10]", "grid[9]", "show[9]"]
     graph = execution.graph
     _, first = execution.failure_of([graph.of_stage("gather")[0].key])
     assert first.label in ("double[0:4]", "double[4:8]")
@@ -91,12 +73,8 @@ def test_a_result_that_was_stored_before_a_crash_is_computed(project, notes, tmp
 
 
 def test_an_error_that_every_node_would_meet_ends_the_run(project):
-    project.add_line("gather", "raise CacheError('cannot write')")
-    project.edit(
-        "gather",
-        "import numpy as np",
-        "import numpy as np\nfrom stixel_cli.engine.errors import CacheError",
-    )
+    raising = "from stixel_cli.engine.errors import CacheError; raise CacheError('cannot write')"
+    project.add_line("gather", raising)
     with pytest.raises(CacheError, match="cannot write"):
         project.run(keep_going=True)
 
@@ -136,12 +114,8 @@ LOCAL = LocalExecutor("local", 2, LIMIT)
 HANG = "import time; time.sleep(600); log.called('slept')"
 
 
-def hang(project, function):
-    project.add_line(function, HANG)
-
-
 def test_it_is_killed_and_named_and_not_tried_again(project, notes):
-    hang(project, "gather")
+    project.add_line("gather", HANG)
     with pytest.raises(StageFailure, match=r"gather: .*exceeded its time limit of 1.5 s") as caught:
         project.run(executor=LOCAL, progress=notes)
     assert isinstance(caught.value.cause, TimeLimitExceeded)
@@ -152,16 +126,11 @@ def test_it_is_killed_and_named_and_not_tried_again(project, notes):
 
 
 def test_other_running_nodes_are_submitted_again(project, notes):
-    hang(project, "gather")
-    graph = project.graph()
-    execution = project.run(graph, executor=LOCAL, keep_going=True, progress=notes)
+    project.add_line("gather", HANG)
+    execution = project.run(executor=LOCAL, keep_going=True, progress=notes)
     assert [failure.label for failure in execution.failures.values()] == ["gather"]
-    others = [
-        status
-        for key, status in execution.status.items()
-        if execution.graph.nodes[key].label != "gather"
-    ]
-    assert set(others) == {"computed"}
+    found = statuses(execution)
+    assert found.pop("gather") == "failed" and {*found.values()} == {"computed"}
     assert project.calls().count("gather") == 1
     assert list((project.store.folder / "tmp").glob("limit-*")) != [], "the mark, for a look"
 
@@ -177,7 +146,7 @@ def test_small_work_in_this_process_is_interrupted(project, monkeypatch):
     for name in ("SMALL", "SMALL_FOR_COPIES"):
         monkeypatch.setattr(f"stixel_cli.engine.execute.{name}", 600.0)
     monkeypatch.setattr("stixel_cli.engine.execute.make_pool", None)
-    hang(project, "gather")
+    project.add_line("gather", HANG)
     project.forget()
     with pytest.raises(StageFailure, match=r"gather: .*exceeded its time limit of 0\.2 s"):
         project.run(executor=LocalExecutor("local", 2, 0.2))
@@ -186,8 +155,6 @@ def test_small_work_in_this_process_is_interrupted(project, monkeypatch):
 
 def test_the_time_a_lock_is_held_by_another_does_not_count(project):
     graph = project.graph()
-    import threading
-
     held, gone = threading.Event(), threading.Event()
 
     def hold():

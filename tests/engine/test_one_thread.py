@@ -117,12 +117,9 @@ def test_every_thread_gets_the_limit_and_it_ends_with_the_last(two_threads):
 def test_twenty_runs_on_threads_give_the_same_bytes(project, two_threads):
     """Load on the machine decides which thread runs which chunk."""
     project.edit("double", "from . import log", "import numpy as np\n\nfrom . import log")
-    values = "np.random.default_rng(frames.start).normal(size=(300, 300))"
-    project.edit(
-        "double",
-        "values = numbers[frames.start:frames.stop]",
-        f"a = {values}; values = (a @ a)[: len(frames), 0]",
-    )
+    noise = "np.random.default_rng(frames.start).normal(size=(300, 300))"
+    old = "values = numbers[frames.start:frames.stop]"
+    project.edit("double", old, f"a = {noise}; values = (a @ a)[: len(frames), 0]")
     project.edit("double", "return Chunk(frames.start,", "return Chunk(threads(),")
     path = project.package / "double.py"
     path.write_text(path.read_text() + THREADS)
@@ -153,14 +150,10 @@ def test_limits_of_the_caller_do_not_matter_and_one_of_another_thread_is_an_erro
 
 
 def test_the_command_line_has_one_thread_before_numpy_is_imported():
-    code = (
-        "import json, os, sys; from stixel_cli.cli.app import main; "
-        "sys.argv = ['stixel', '--version']; main(); assert 'numpy' not in sys.modules; "
-        "print(json.dumps(dict(os.environ)))"
-    )
+    code = "import json, os, sys; from stixel_cli.cli.app import main; "
+    code += "sys.argv = ['stixel', '--version']; main(); assert 'numpy' not in sys.modules; "
+    code += "print(json.dumps(dict(os.environ)))"
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "4"}
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
-    )
-    found = json.loads(done.stdout.splitlines()[-1])
+    said = subprocess.check_output([sys.executable, "-c", code], env=environment, text=True)
+    found = json.loads(said.splitlines()[-1])
     assert found.items() >= ENVIRONMENT.items()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from stixel_cli.engine import loaded_code, source_files
+from stixel_cli.engine import cache_folder, loaded_code, source_files
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.errors import CodeChanged
 from stixel_cli.engine.versions import providers
@@ -48,18 +48,9 @@ def stored(project, new_process):
     return digest(project)
 
 
-def test_a_new_process_parses_no_known_file(project, new_process, stored):
-    parsed = new_process()
-    assert digest(project) == stored
-    assert not parsed
-
-
 def test_an_edit_that_keeps_size_and_time_is_seen(project, new_process, stored):
     parsed = new_process()
-    file = project.package / "helpers.py"
-    before = file.stat()
-    project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
-    source_files.os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
+    edit_unseen(project, 3, 4)
     assert digest(project) != stored
     assert len(parsed) == 1
 
@@ -82,13 +73,13 @@ def test_a_damaged_file_of_digests_is_replaced(project, new_process, stored, dam
     assert digest(project) == stored
     assert parsed
     project.run(targets=["double"])
-    new_process()
+    parsed = new_process()
     assert digest(project) == stored
     assert not parsed
 
 
 def test_a_large_file_of_digests_is_not_read(project, new_process, stored, monkeypatch):
-    monkeypatch.setattr(source_files, "LARGEST_FILE", 10)
+    monkeypatch.setattr(cache_folder, "LARGEST", 10)
     parsed = new_process()
     assert digest(project) == stored
     assert parsed
@@ -135,36 +126,37 @@ def edited(project, monkeypatch):
     monkeypatch.delenv("PYTHONDONTWRITEBYTECODE")
     source = project.package / "helpers.py"
     py_compile.compile(str(source), doraise=True, invalidation_mode=TIME)
-    before = source.stat()
-    project.edit("helpers", "FACTOR = 3.0", "FACTOR = 5.0")
-    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
+    edit_unseen(project, 3, 5)
     loaded_code._checked.clear()
     return source
+
+
+def edit_unseen(project, old, new):
+    """Another factor, in a file of the same size and time."""
+    source = project.package / "helpers.py"
+    before = source.stat()
+    project.edit("helpers", f"FACTOR = {old}.0", f"FACTOR = {new}.0")
+    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
 
 
 TIME = py_compile.PycInvalidationMode.TIMESTAMP
 
 
-def first_double(project):
+def first_double(project, executor="serial"):
     graph = project.graph()
-    project.run(graph, ["double"], executor="serial")
+    project.run(graph, ["double"], executor)
     return project.store.load(graph.of_stage("double")[0].key).values.tolist()
 
 
 def test_stale_bytecode_is_replaced(project, edited):
     assert first_double(project) == [0.0, 10.0, 20.0, 30.0]
     # From now on Python sees such an edit for itself.
-    before = edited.stat()
-    project.edit("helpers", "FACTOR = 5.0", "FACTOR = 7.0")
-    os.utime(edited, ns=(before.st_atime_ns, before.st_mtime_ns))
+    edit_unseen(project, 5, 7)
     assert first_double(project) == [0.0, 14.0, 28.0, 42.0]
 
 
 def test_workers_replace_stale_bytecode(project, edited):
-    graph = project.graph()
-    project.run(graph, ["double"], executor="local")
-    values = project.store.load(graph.of_stage("double")[0].key).values
-    assert values.tolist() == [0.0, 10.0, 20.0, 30.0]
+    assert first_double(project, "local") == [0.0, 10.0, 20.0, 30.0]
 
 
 def test_stale_bytecode_that_was_imported_ends_the_run(project, edited):

@@ -91,6 +91,7 @@ def old_notes(entry):
         (lambda entry: flip(entry / VALUE), "has changed"),
         (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "truncated"),
         (lambda entry: (entry / VALUE).write_bytes(b""), "truncated"),
+        (lambda entry: os.truncate(entry / VALUE, 64 * 2**30), "too large"),  # a sparse file
         (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
         (lambda entry: put(Path.mkdir, entry / VALUE), "directory"),
         (lambda entry: put(Path.mkdir, entry / META), "directory"),
@@ -132,8 +133,6 @@ def test_notes_that_are_damaged_or_of_another_key_are_not_believed(store):
 
 
 def test_a_folder_that_a_collector_removes_on_the_way(store, monkeypatch):
-    from pathlib import Path
-
     store.save("cd" + KEY[2:], 1)
     rename, removed = Path.rename, []
 
@@ -210,18 +209,15 @@ def test_one_holds_the_lock_and_no_file_is_left(store):
 
 
 @pytest.mark.parametrize("fault", [errno.ENOSYS, errno.ENOLCK])
-def test_a_file_system_without_locks_is_refused_and_no_substitute_is_left(
-    store, monkeypatch, fault
-):
+def test_a_file_system_without_locks_is_refused_and_no_substitute_left(store, monkeypatch, fault):
     def no_lock(*arguments):
         raise OSError(fault, os.strerror(fault))
 
     store.save(KEY, 1)
     monkeypatch.setattr("fcntl.flock", no_lock)
-    with pytest.raises(CacheError, match="locks"), store.lock(KEY):
-        raise AssertionError("held")
-    with pytest.raises(CacheError, match="locks"), collector_lock(store.folder):
-        raise AssertionError("held")
+    for lock in (store.lock(KEY), collector_lock(store.folder)):
+        with pytest.raises(CacheError, match="locks"), lock:
+            raise AssertionError("held")
     with pytest.raises(CacheError, match="locks"):
         store.check_writable()
     monkeypatch.undo()

@@ -18,12 +18,12 @@ from stixel_cli.evaluation.contour_errors import (
     differences_along_rays,
     even_points,
     gaussian_wasserstein,
-    intersections_over_unions,
+    overlaps,
     seen_points,
     star_convex_upper_bound,
 )
 from stixel_cli.evaluation.evaluate import normalised_errors
-from stixel_cli.geometry.pose import target_from_world, world_from_target
+from stixel_cli.geometry.pose import rotation, target_from_world, world_from_target
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.scenario import is_star_convex
@@ -38,9 +38,8 @@ def contours(seed, count=6, points=40):
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     poses = random.uniform([-2, 18, -4], [2, 22, 4], (count, 3))
     radii = random.uniform(0.5, 3.0, (count, points, 1))
-    return np.array(
-        [world_from_target(r * directions, p) for r, p in zip(radii, poses, strict=True)]
-    ), poses
+    pairs = zip(radii, poses, strict=True)
+    return np.array([world_from_target(r * directions, pose) for r, pose in pairs]), poses
 
 
 def test_wasserstein_distance_agrees_with_scipy_far_from_the_origin():
@@ -58,8 +57,7 @@ def test_area_moments_of_a_rectangle_and_of_nothing():
     nothing = np.tile([[3.0, 4.0]], (4, 1))
     means, covariances = area_moments(np.stack([turned, turned[::-1], nothing]))
     np.testing.assert_allclose(means, [[7, -3], [7, -3], [3, 4]], atol=1e-12)
-    axes = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
-    expected = axes @ np.diag([4.0 / 3.0, 0.25 / 3.0]) @ axes.T
+    expected = rotation(0.3) @ np.diag([4.0 / 3.0, 0.25 / 3.0]) @ rotation(0.3).T
     np.testing.assert_allclose(covariances, [expected, expected, np.zeros((2, 2))], atol=1e-12)
     centroids = shapely.centroid(areas(contours(4)[0]))
     points = np.stack([shapely.get_x(centroids), shapely.get_y(centroids)], axis=-1)
@@ -117,7 +115,7 @@ def test_polygons_next_to_each_other_do_not_overlap_at_all():
     poses = np.array([[0.3, 2.3, angle] for angle in np.linspace(-0.1, 0.1, 20)])
     beside = np.array([world_from_target(SQUARE, pose) for pose in poses])
     squares = np.broadcast_to(SQUARE, beside.shape)
-    np.testing.assert_array_equal(intersections_over_unions(beside, squares), 0.0)
+    np.testing.assert_array_equal(overlaps(areas(beside), areas(squares)), 0.0)
 
 
 def test_distance_of_a_point_on_an_outline_without_length_or_area():
@@ -195,7 +193,7 @@ CORNER = np.array([[0, 0], [2, 0], [2, 2], [0, 2]], float)
     ],
 )
 def test_iou_of_known_polygons(true, estimated, score):
-    found = intersections_over_unions(estimated[None], true[None])
+    found = overlaps(areas(estimated[None]), areas(true[None]))
     np.testing.assert_allclose(found, [score], rtol=0, atol=1e-12)
 
 
@@ -217,10 +215,9 @@ def test_the_best_star_convex_contour_fills_a_small_gap_and_leaves_out_a_far_par
     bar = np.array([[0.5, -0.1], [4.0, -0.1], [4.0, 0.1], [0.5, 0.1]])
     for slot, kept in ((0.02, True), (3.4, False)):
         # The slot is open at the top, and only a thread of 1e-6 m at the bottom joins the parts.
-        cut = np.array(
-            [bar[0], bar[1], bar[2], [0.55 + slot, 0.1], [0.55 + slot, -0.1 + 1e-6],
-             [0.55, -0.1 + 1e-6], [0.55, 0.1], bar[3]]
-        )  # fmt: skip
+        first, last = 0.55, 0.55 + slot
+        gap = [[last, 0.1], [last, -0.1 + 1e-6], [first, -0.1 + 1e-6], [first, 0.1]]
+        cut = np.array([*bar[:3], *gap, bar[3]])
         shape = np.concatenate([[[0.5, -0.5]], cut, [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]])
         assert not is_star_convex(shape)
         near, far = 1.0 + 0.05 * 0.2, 0.2 * (4.0 - 0.55 - slot)

@@ -4,12 +4,8 @@ import json
 import numpy as np
 import pytest
 
-from stixel_cli.evaluation.evaluate import (
-    evaluate,
-    normalised_errors,
-    orientation_errors,
-    out_of_view,
-)
+from stixel_cli.evaluation import evaluate as of_scans
+from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.metric_table import OF_ESTIMATES
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import FieldOfView, Scans
@@ -22,13 +18,8 @@ TIMES = 0.1 * np.arange(COUNT)
 POSES = np.stack([TIMES, 10.0 + TIMES, 0.5 * TIMES], axis=-1)
 RATES = np.tile([3.0, 4.0, 0.5], (COUNT, 1))
 SCENARIO = Scenario(TIMES, np.zeros((COUNT, 3)), POSES, RATES, OUTLINE[None])
-SCANS = Scans(
-    times=TIMES,
-    sensor_poses_world=np.zeros((COUNT, 3)),
-    offsets=np.array([0, 2, 2, 4, 6, 8]),
-    points_world=np.zeros((8, 2)),
-    covariances_world=np.tile(np.eye(2), (8, 1, 1)),
-)
+EACH = [(np.zeros((n, 2)), np.tile(np.eye(2), (n, 1, 1))) for n in (2, 0, 2, 2, 2)]
+SCANS = Scans.of_each(TIMES, np.zeros((COUNT, 3)), EACH)
 
 
 def track_with(shifts):
@@ -36,18 +27,11 @@ def track_with(shifts):
     poses = POSES + shifts
     contours = np.stack([world_from_target(OUTLINE, pose) for pose in poses])
     directions = contours - poses[:, None, :2]
-    return Track(
-        times=TIMES,
-        means=np.concatenate([poses, np.zeros((COUNT, 5))], axis=1),
-        covariances=np.tile(0.25 * np.eye(8), (COUNT, 1, 1)),
-        contours_world=contours,
-        contour_directions=directions / np.linalg.norm(directions, axis=-1, keepdims=True),
-        contour_std=np.full((COUNT, 4), 0.1),
-        used_offsets=np.array([0, 2, 2, 3, 5, 7]),
-        used_points=np.array([0, 1, 2, 4, 5, 6, 7]),
-        nis=np.array([1.0, np.nan, 2.0, 4.0, 2.0]),
-        nis_degrees_of_freedom=np.array([2, 0, 1, 2, 2]),
-    )
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    states = np.pad(poses, ((0, 0), (0, 5))), np.tile(0.25 * np.eye(8), (COUNT, 1, 1))
+    shape = contours, directions, np.full((COUNT, 4), 0.1)
+    used = [0, 1], [], [2], [4, 5], [6, 7]
+    return Track.of_scans(TIMES, states, shape, used, np.array([1.0, np.nan, 2.0, 4.0, 2.0]))
 
 
 SHIFTS = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0.1], [0, 0, -0.1], [8, 6, 0]], float)
@@ -117,16 +101,14 @@ def test_a_target_leaves_the_view_of_its_sensor():
     sensors = np.tile([0.0, 0.0, 0.5 * np.pi], (count, 1))
     times = 0.1 * np.arange(count)
     scenario = Scenario(times, sensors, poses, np.zeros((count, 3)), OUTLINE[None])
-    offsets = np.zeros(count + 1, int)
     view = FieldOfView(-0.1, np.arctan2(1.05, 10.0))
-    scans = Scans(times, sensors, offsets, np.zeros((0, 2)), np.zeros((0, 2, 2)), view)
-    assert np.flatnonzero(out_of_view(scenario, scans))[0] == 11
-    track = track_with(np.zeros((COUNT, 3)))
-    nothing = {"used_offsets": offsets, "used_points": np.zeros(0, int), "times": times}
-    nothing |= {"nis": np.full(count, np.nan), "nis_degrees_of_freedom": np.zeros(count, int)}
-    names = ("means", "covariances", "contours_world", "contour_directions", "contour_std")
-    nothing |= {name: np.repeat(getattr(track, name)[:1], count, axis=0) for name in names}
-    track = dataclasses.replace(track, **nothing)
+    empty = np.zeros((0, 2)), np.zeros((0, 2, 2))
+    scans = Scans.of_each(times, sensors, [empty] * count, view)
+    assert np.flatnonzero(of_scans.out_of_view(scenario, scans))[0] == 11
+    states = np.zeros((count, 8)), np.tile(np.eye(8), (count, 1, 1))
+    contours = np.tile(OUTLINE, (count, 1, 1)), np.tile(OUTLINE, (count, 1, 1)), np.ones((count, 4))
+    unused = [np.zeros(0, int)] * count
+    track = Track.of_scans(times, states, contours, unused, np.full(count, np.nan))
     metrics = evaluate(track, scenario, scans).metrics
     assert metrics["time_out_of_view_s"] == pytest.approx(1.1)
     unknown = dataclasses.replace(scans, field_of_view=None)
@@ -138,13 +120,11 @@ def test_contour_errors_match_a_calculation_by_hand():
     still = np.tile([0.0, 10.0, 0.0], (COUNT, 1))
     scenario = dataclasses.replace(SCENARIO, target_poses_world=still)
     sizes = np.array([1.0, 1.1, 1.1, 1.5, 0.5])[:, None, None]
-    track = dataclasses.replace(
-        track_with(np.zeros((COUNT, 3))),
-        means=np.concatenate([still, np.zeros((COUNT, 5))], axis=1),
-        contours_world=sizes * OUTLINE + [0.0, 10.0],
-        contour_directions=np.tile(OUTLINE / np.sqrt(2), (COUNT, 1, 1)),
-        contour_std=np.full((COUNT, 4), 0.07),
-    )
+    means = np.concatenate([still, np.zeros((COUNT, 5))], axis=1)
+    contours = {"contours_world": sizes * OUTLINE + [0.0, 10.0]}
+    contours |= {"contour_directions": np.tile(OUTLINE / np.sqrt(2), (COUNT, 1, 1))}
+    contours |= {"contour_std": np.full((COUNT, 4), 0.07)}
+    track = dataclasses.replace(track_with(np.zeros((COUNT, 3))), means=means, **contours)
     metrics = evaluate(track, scenario, SCANS).metrics
     sides = 2 * np.array([0.0, 0.1, 0.1, 0.5, -0.5])
     assert metrics["length_error_m"] == pytest.approx(np.sqrt(np.mean(sides**2)))
@@ -184,11 +164,9 @@ def test_contour_distance_is_the_mean_of_both_ways():
 def test_where_only_the_box_is_known_the_outline_has_no_scores():
     scores = evaluate(track_with(SHIFTS), dataclasses.replace(SCENARIO, only_box=True), SCANS)
     known = evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
-    outline = {
-        *("iou_mean", "iou_star_convex_upper_bound", "low_overlap_share"),
-        *("gaussian_wasserstein_m", "hausdorff_m", "contour_distance_m", "seen_contour_error_m"),
-        *("band_coverage", "hidden_contour_error_m", "hidden_band_coverage"),
-    }
+    outline = {"iou_mean", "iou_star_convex_upper_bound", "low_overlap_share", "hausdorff_m"}
+    outline |= {"gaussian_wasserstein_m", "contour_distance_m", "seen_contour_error_m"}
+    outline |= {"band_coverage", "hidden_contour_error_m", "hidden_band_coverage"}
     assert np.isnan(scores.iou).all()
     for name, value in scores.metrics.items():
         assert value == (None if name in outline else known[name]), name
@@ -199,20 +177,14 @@ def test_metrics_are_plain_numbers_or_none():
     metrics = evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
     assert all(type(value) in (int, float) for value in metrics.values() if value is not None)
     assert json.loads(json.dumps(metrics)) == metrics
-    track = track_with(SHIFTS)
-    track = dataclasses.replace(
-        track,
-        nis=np.full(COUNT, np.nan),
-        nis_degrees_of_freedom=np.zeros(COUNT, np.int64),
-        used_offsets=np.zeros(COUNT + 1, np.int64),
-        used_points=np.zeros(0, np.int64),
-        covariances=np.zeros_like(track.covariances),
-    )
-    scores = evaluate(track, SCENARIO, SCANS)
+    unsure = track_with(SHIFTS)
+    states = unsure.means, np.zeros_like(unsure.covariances)
+    contours = unsure.contours_world, unsure.contour_directions, unsure.contour_std
+    unused = Track.of_scans(TIMES, states, contours, [[]] * COUNT, np.full(COUNT, np.nan))
+    metrics = evaluate(unused, SCENARIO, SCANS).metrics
     for name in ("nees_position_mean", "nees_orientation_mean", "nis_mean"):
-        assert scores.metrics[name] is None
-    assert scores.metrics["centre_mean_m"] == pytest.approx(11 / 5)
-    assert scores.metrics["points_used_mean"] == 0.0
+        assert metrics[name] is None
+    assert metrics["centre_mean_m"] == pytest.approx(11 / 5) and metrics["points_used_mean"] == 0.0
 
 
 @pytest.mark.parametrize("field", ["means", "covariances", "contours_world"])
@@ -272,13 +244,10 @@ def test_evaluate_rejects_scans_of_other_times():
 def test_single_scan_is_scored():
     short = Scenario(TIMES[:1], np.zeros((1, 3)), POSES[:1], np.zeros((1, 3)), OUTLINE[None])
     whole = track_with(SHIFTS)
-    track = Track(
-        *(getattr(whole, f.name)[:1] for f in dataclasses.fields(Track)[:6]),
-        used_offsets=whole.used_offsets[:2],
-        used_points=whole.used_points[:2],
-        nis=whole.nis[:1],
-        nis_degrees_of_freedom=whole.nis_degrees_of_freedom[:1],
-    )
+    names = [f.name for f in dataclasses.fields(Track)[:6]] + ["nis", "nis_degrees_of_freedom"]
+    cut = {name: getattr(whole, name)[:1] for name in names}
+    cut |= {name: getattr(whole, name)[:2] for name in ("used_offsets", "used_points")}
+    track = Track(**cut)
     scans = dataclasses.replace(SCANS, times=TIMES[:1], offsets=SCANS.offsets[:2])
     metrics = evaluate(track, short, scans).metrics
     assert metrics["iou_mean"] == 1.0
@@ -287,11 +256,11 @@ def test_single_scan_is_scored():
 def test_orientation_errors_are_wrapped_and_normalised_errors_known():
     true = np.array([np.pi - 0.1, 0.1 - np.pi, 0.0, 0.0, 2.0 * np.pi])
     estimated = np.array([0.2 - np.pi, np.pi - 0.2, 7.0 * np.pi, -np.pi, 0.0])
-    found = orientation_errors(estimated, true)
+    found = of_scans.orientation_errors(estimated, true)
     np.testing.assert_allclose(found, [0.3, -0.3, np.pi, np.pi, 0.0], atol=1e-12)
     errors = np.array([[1.0, 0.0], [2.0, 1.0], [1.0, 1.0]])
     covariances = np.array([np.diag([0.5, 9.0]), [[2.0, 1.0], [1.0, 2.0]], np.diag([1.0, 0.0])])
-    found = normalised_errors(errors, covariances)
+    found = of_scans.normalised_errors(errors, covariances)
     np.testing.assert_allclose(found, [1.0, 1.0, np.nan], rtol=0, atol=1e-12)
 
 
@@ -307,26 +276,15 @@ def test_only_scans_with_a_truth_that_counts_are_scored():
     assert "scored_scans" not in evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
 
 
-UNKNOWN = np.full((COUNT, 3), np.nan)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"scored": np.zeros(COUNT, dtype=bool)},
-        {
-            "target_poses_world": UNKNOWN,
-            "target_rates_world": UNKNOWN,
-            "contours_target": np.zeros((1, 0, 2)),
-        },
-    ],
-)
-def test_without_any_truth_that_counts_there_are_metrics_of_the_scans(changes):
-    scenario = dataclasses.replace(SCENARIO, **changes)
-    metrics = evaluate(track_with(SHIFTS), scenario, SCANS).metrics
-    assert metrics["scans"] == 5 and metrics["nis_mean"] == pytest.approx(5.5 / 4)
-    for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share"):
-        assert metrics.get(name) is None
+def test_without_any_truth_that_counts_there_are_metrics_of_the_scans():
+    unknown = dict.fromkeys(("target_poses_world", "target_rates_world"), np.nan * POSES)
+    unknown |= {"contours_target": np.zeros((1, 0, 2))}
+    for changes in ({"scored": np.zeros(COUNT, dtype=bool)}, unknown):
+        scenario = dataclasses.replace(SCENARIO, **changes)
+        metrics = evaluate(track_with(SHIFTS), scenario, SCANS).metrics
+        assert metrics["scans"] == 5 and metrics["nis_mean"] == pytest.approx(5.5 / 4)
+        for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share"):
+            assert metrics.get(name) is None
 
 
 def test_the_baseline_is_the_true_outline_at_the_mean_of_its_points():

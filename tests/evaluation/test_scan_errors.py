@@ -115,10 +115,9 @@ def test_shares_count_what_is_known():
 def test_success_and_precision_are_areas_under_their_curves():
     """Shares at 21 thresholds, by the trapezoidal rule, as of lidar single-object tracking."""
     iou, centre = np.array([0.0, 0.42, 0.9, 1.0]), np.array([0.05, 0.31, 1.99, 7.0])
-    for found, thresholds, passed in (
-        (success(iou), np.linspace(0, 1, 21), lambda t: iou >= t),
-        (precision(centre), np.linspace(0, 2, 21), lambda t: centre <= t),
-    ):
+    cases = [(success(iou), 1, lambda t: iou >= t), (precision(centre), 2, lambda t: centre <= t)]
+    for found, end, passed in cases:
+        thresholds = np.linspace(0, end, 21)
         curve = [passed(t).mean() for t in thresholds]
         area = np.trapezoid(curve, thresholds) / thresholds[-1]
         assert found == pytest.approx(area, abs=1e-12)

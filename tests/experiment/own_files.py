@@ -35,18 +35,9 @@ def track(scans, initial, prior, tracker: Parameters):
     means[:, 0] += {helper}.OFFSET * tracker.alpha
     square = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
     contours = means[:, None, :2] + square
-    return Track(
-        times=scans.times,
-        means=means,
-        covariances=np.tile(np.eye(6), (count, 1, 1)),
-        contours_world=contours,
-        contour_directions=np.tile(square / 2**0.5, (count, 1, 1)),
-        contour_std=np.ones((count, 4)),
-        used_offsets=np.zeros(count + 1, np.int64),
-        used_points=np.zeros(0, np.int64),
-        nis=np.full(count, np.nan),
-        nis_degrees_of_freedom=np.zeros(count, np.int64),
-    )
+    shape = contours, np.tile(square / 2**0.5, (count, 1, 1)), np.ones((count, 4))
+    states = means, np.tile(np.eye(6), (count, 1, 1))
+    return Track.of_scans(scans.times, states, shape, [[]] * count, np.full(count, np.nan))
 
 
 def plain(scans, initial, prior, alpha=0.5):

@@ -2,20 +2,22 @@
 
 import json
 import os
+import shutil
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from own_files import QUICK, THREADS
 from own_files import own as own
+from refusals import refused
 from run_cli import run_json
 
 from stixel_cli import compose, run
 from stixel_cli.cli.app import main
 from stixel_cli.engine import loaded_code
-from stixel_cli.errors import UserError
 from stixel_cli.own_code import all_values
 from stixel_cli.results import lineage
 
@@ -30,20 +32,16 @@ def folder_of(own, name, *words):
     return own.results / name
 
 
-def test_explain_compares_a_folder_with_its_own_code(own, words, capsys):
+def test_explain_compares_a_folder_with_its_own_code(own, words, told):
     folder = folder_of(own, "a", *words)
     helper = own.folder / f"{own.helper}.py"
     helper.write_text("OFFSET = 2.0\n")
     folder_of(own, "b", *words)
     said = "nothing to recompute: all results are cached"
-    capsys.readouterr()
-    assert main(["explain", str(folder)]) == 0
-    assert capsys.readouterr().out == f"{said}; the folder has results of other code or files\n"
+    assert told("explain", folder) == f"{said}; the folder has results of other code or files\n"
     for remove in (False, True):
         helper.write_text("OFFSET = 3.0\n")
-        capsys.readouterr()
-        assert main(["explain", str(folder)]) == 0
-        answer = capsys.readouterr().out
+        answer = told("explain", folder)
         assert f"track: code: {own.helper} changed" in answer
         if not remove:
             # Without the folder's results in the cache, its lineage says the same.
@@ -51,11 +49,6 @@ def test_explain_compares_a_folder_with_its_own_code(own, words, capsys):
 
 
 def remove_results(folder):
-    import json
-    import os
-    import shutil
-    from pathlib import Path
-
     stages = json.loads((folder / "lineage.json").read_text())["stages"]
     for key in stages["track"]["keys"]:
         (entry,) = Path(os.environ["STIXEL_CACHE"]).glob(f"*/{key}")
@@ -63,23 +56,19 @@ def remove_results(folder):
 
 
 @pytest.mark.parametrize("text", ["def (", 'FILES = ["nothing.npz"]\n'])
-def test_code_that_is_no_longer_valid_is_one_line(text, own, words, capsys):
+def test_code_that_is_no_longer_valid_is_one_line(text, own, words, told):
     folder = folder_of(own, "a", *words)
     (own.folder / f"{own.helper}.py").write_text(text)
-    capsys.readouterr()
-    assert main(["explain", str(folder)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = told("explain", folder, code=2).splitlines()
     assert f"{own.helper}.py" in line and "internal" not in line
 
 
-def test_all_values_of_parameters_are_stored_and_compared(own, words, capsys):
+def test_all_values_of_parameters_are_stored_and_compared(own, words, capsys, told):
     one = folder_of(own, "one", *words)
     other = folder_of(own, "other", *words, "tracker.mode=far")
     stored = yaml.safe_load((one / "config.yaml").read_text())["tracker"]
     assert stored == {"kind": "own", "function": f"{own.name}:track", "alpha": 0.5, "mode": "near"}
-    capsys.readouterr()
-    assert main(["ls", str(one), str(other)]) == 0
-    assert "tracker.mode   near   far" in capsys.readouterr().out
+    assert "tracker.mode   near   far" in told("ls", one, other)
     # The typed default is the same setting.
     again = run_json(capsys, own.results, *words, "tracker.alpha=0.5", "--name", "c")
     assert {stage["status"] for stage in again["stages"]} == {"cached"}
@@ -97,9 +86,8 @@ def test_the_modules_are_stored_and_others_are_named(own, words, capsys):
     source = own.folder / f"{own.name}.py"
     assert (folder / "code" / f"{own.name}.py").read_bytes() == source.read_bytes()
     assert (folder / "code" / f"{own.helper}.py").read_text() == "OFFSET = 1.0\n"
-    assert {file.name for file in (folder / "code").iterdir()} == {
-        f"{own.name}.py", f"{own.helper}.py",
-    }  # fmt: skip
+    names = {file.name for file in (folder / "code").iterdir()}
+    assert names == {f"{own.name}.py", f"{own.helper}.py"}
     for command in (["verify"], ["run", "--results", str(own.results)]):
         (own.folder / f"{own.helper}.py").write_text("OFFSET = 1.0\n")
         capsys.readouterr()
@@ -122,6 +110,28 @@ def test_a_sweep_keeps_the_values_of_its_runs_and_the_modules_once(own, words, c
         assert ("out of date" in capsys.readouterr().err) == (value == 2.0)
         (copy,) = (own.results / "s" / "code").glob(f"*/{own.helper}.py")
         assert copy.read_text() == f"OFFSET = {value}\n"
+
+
+def test_verify_names_the_edited_module_where_the_folder_knows_its_code(own, words, told):
+    def verified(folder, code):
+        return json.loads(told("verify", folder, "--cached", "--json", "--trust-code", code=code))
+
+    assert main(["sweep", "--results", str(own.results), "--name", "s", *words, "seed=0,1"]) == 0
+    run, helper = own.results / "s/runs/0001", own.folder / f"{own.helper}.py"
+    # Outside its sweep's folder a run has keys but no code digests.
+    alone = shutil.copytree(run, own.results / "alone/run")
+    helper.write_text("OFFSET = 1.0\nUNUSED = 1\n")
+    edit = [f"{own.helper} was edited"]
+    assert verified(run, 0)["first_by_key"]["causes"] == edit
+    helper.write_text("OFFSET = 2.0\n")
+    found = verified(run, 1)
+    assert found["first_by_key"]["stage"] == found["first_by_value"]["stage"] == "track"
+    assert found["first_by_value"]["causes"] == edit
+    assert "values differ, by up to" in found["first_by_value"]["what"]
+    assert "metrics.json" in {file["file"] for file in found["files"]}
+    first = verified(alone, 1)["first_by_value"]
+    assert first["stage"] == "track"
+    assert first["causes"][0].startswith("unknown code changes: the folder")
 
 
 def test_the_repository_of_a_module_is_stored_with_its_changes(own, words, monkeypatch):
@@ -147,18 +157,14 @@ def test_the_repository_of_a_module_is_stored_with_its_changes(own, words, monke
     assert "are left out" in text and "OFFSET" not in text
 
 
-def test_describe_explains_the_parameters_of_the_users_function(own, capsys):
-    assert main(["describe", f"tracker={own.name}:track"]) == 0
-    answer = capsys.readouterr().out
+def test_describe_explains_the_parameters_of_the_users_function(own, told):
+    answer = told("describe", f"tracker={own.name}:track")
     assert "tracker.alpha" in answer and "0.5" in answer and "a number > 0 and ≤ 1" in answer
     assert "one of near, far" in answer
-    assert main(["describe", f"tracker={own.name}:plain"]) == 0
-    assert "tracker.alpha" in capsys.readouterr().out
-    assert main(["describe", f"measurement={own.name}:dots"]) == 0
-    answer = capsys.readouterr().out
+    assert "tracker.alpha" in told("describe", f"tracker={own.name}:plain")
+    answer = told("describe", f"measurement={own.name}:dots")
     assert "measurement.spread" in answer and "0.1" in answer
-    assert main(["describe", f"tracker={own.name}:nothing"]) == 2
-    assert "has no function nothing" in capsys.readouterr().err
+    assert "has no function nothing" in told("describe", f"tracker={own.name}:nothing", code=2)
     assert compose([f"tracker={own.name}:track"]).value("tracker.mode") == "near"
 
 
@@ -199,9 +205,8 @@ def kernel(own):
     text = source.read_text().replace("tracker: Parameters", "tracker: Parameters = Parameters()")
     (own.folder / f"{own.name}_track.py").write_text(text)
     source.write_text(KERNEL.format(name=own.name, helper=own.helper))
-    own.write_helper = lambda **values: (own.folder / f"{own.helper}.py").write_text(
-        HELPER.format(**values)
-    )
+    helper = own.folder / f"{own.helper}.py"
+    own.write_helper = lambda **values: helper.write_text(HELPER.format(**values))
     own.write_helper(offset=1.0, factor=2.0)
     return own
 
@@ -255,19 +260,16 @@ def reader(own):
     return own
 
 
-def test_a_declared_file_is_part_of_the_key(reader, capsys):
+def test_a_declared_file_is_part_of_the_key(reader, told):
     reader.write('FILES = ["weights.npy"]')
     words = [*QUICK, THREADS, f"tracker={reader.name}:track"]
     assert run(words).track.means[0, 0] == 1.0
     np.save(reader.folder / "weights.npy", 2.0)
-    capsys.readouterr()
-    assert main(["explain", *words]) == 0
-    assert f"code: {reader.name}/weights.npy changed" in capsys.readouterr().out
+    assert f"code: {reader.name}/weights.npy changed" in told("explain", *words)
     assert run(words).track.means[0, 0] == 2.0
     (reader.folder / "weights.npy").unlink()
-    with pytest.raises(UserError, match=r"FILES: .*: weights.npy is missing") as error:
+    with refused(match=r"FILES: .*: weights.npy is missing"):
         run(words)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
@@ -277,10 +279,9 @@ def test_undeclared_reads_are_named_when_they_are_computed_first(command, reader
     words += [f"tracker={reader.name}:track"] + (["seed=0,1"] if command == "sweep" else [])
     assert main([*words, "--name", "a"]) == 0
     expected = f"{reader.folder / reader.name}.py, line 9: np.load(…)"
-    assert [line for line in capsys.readouterr().err.splitlines() if "FILES" in line] == [
-        f'stixel: {expected}: the cache does not notice changes of a file: declare FILES = '
-        '["NAME"], or FILES = [] (tutorial 4)'
-    ]  # fmt: skip
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "FILES" in line]
+    assert line.startswith(f"stixel: {expected}: the cache does not notice changes of a file: ")
+    assert line.endswith(': declare FILES = ["NAME"], or FILES = [] (tutorial 4)')
     assert main([*words, "--name", "b"]) == 0
     assert "FILES" not in capsys.readouterr().err
 

@@ -5,6 +5,7 @@ import inspect
 import re
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pkgutil import resolve_name
 
 import pytest
@@ -28,9 +29,8 @@ def scans_file(tmp_path_factory):
     """Scans, which `measurement=file` needs, and own functions in the working directory."""
     folder = tmp_path_factory.mktemp("files")
     (folder / "scans.csv").write_text("k,t,x,y\n0,0,0,9\n")
-    (folder / "own_functions.py").write_text(
-        "def scans(scenario, seed): ...\ndef f(a, b, c): ...\n"
-    )
+    own = "def scans(scenario, seed): ...\ndef f(a, b, c): ...\n"
+    (folder / "own_functions.py").write_text(own)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         yield
@@ -197,13 +197,10 @@ OF_RECORDINGS |= {"moving_pictures", "track_points", "calibrated_rig", "rig_pict
 def test_a_stages_arguments_are_those_of_every_function_it_may_call(name):
     definition = STAGES[name]
     own = ("tracker=own_functions:f", "metrics=[own_functions:f]")
-    wired = [
-        stage
-        for measurement in (*group_options()["measurement"], "own_functions:scans")
-        for words in ((), ("start=scans", "measurement.clutter_rate=1.0"), own)
-        for stage in stages_of(measurement, *words).values()
-        if stage.function in definition.functions.values()
-    ]
+    ways = ((), ("start=scans", "measurement.clutter_rate=1.0"), own)
+    each = product((*group_options()["measurement"], "own_functions:scans"), ways)
+    stages = [stage for kind, words in each for stage in stages_of(kind, *words).values()]
+    wired = [stage for stage in stages if stage.function in definition.functions.values()]
     assert wired, "no pipeline uses this stage"
     given = {*wired[0].inputs, *wired[0].settings, *GIVEN[definition.pattern]}
     given |= {"seed"} if definition.seeded else set()

@@ -17,18 +17,12 @@ renderer whose stage is called in `tests/rendering/test_filament.py`, and with D
 scheduler: `tests/engine`."""
 
 OWN_PRESETS = {"road_user", "pace", "prior", "source"}
-OF_FILES = {
-    *(("measurement", "file"), ("path", "recorded"), ("tracker", "file")),
-    *(("experiment", "lidarrm"), ("experiment", "pandaset")),
-}
+OF_FILES = {("measurement", "file"), ("path", "recorded"), ("tracker", "file")}
+OF_FILES |= {("experiment", "lidarrm"), ("experiment", "pandaset")}
 """Presets that need files: `test_file_run.py`, tests/recordings, `tests/studies`."""
 
-PRESETS = [
-    (group, option)
-    for group, options in group_options().items()
-    for option in options
-    if group not in OWN_PRESETS and (group, option) not in OF_FILES
-]
+PRESETS = [(group, option) for group, options in group_options().items() for option in options]
+PRESETS = [one for one in PRESETS if one[0] not in OWN_PRESETS and one not in OF_FILES]
 PATHS = [option for group, option in PRESETS if group == "path"]
 USERS = group_options()["road_user"]
 RUNS = [("car", path) for path in PATHS] + [(user, "stop_and_go") for user in USERS[1:]]

@@ -1,6 +1,7 @@
 """What a result folder is called and holds, that it repeats to the byte, and what leaves none."""
 
 import csv
+import errno
 import json
 import os
 import subprocess
@@ -30,23 +31,20 @@ def results(tmp_path):
     return tmp_path / "results"
 
 
-def test_a_smoothed_track_is_next_to_that_of_the_filter(results, capsys):
+def test_a_smoothed_track_is_next_to_that_of_the_filter(results, capsys, told):
     for lag in (0, 2):
         overrides = (*FABRICATED, "tracker=point", f"tracker.lag={lag}")
         run_json(capsys, results, *overrides, "--name", f"lag{lag}")
     plain, both = results / "lag0", results / "lag2"
-    assert {path.name for path in both.iterdir()} - {path.name for path in plain.iterdir()} == {
-        *("smoothed.csv", "smoothed.npz")
-    }
+    names, of_plain = ({path.name for path in folder.iterdir()} for folder in (both, plain))
+    assert names - of_plain == {"smoothed.csv", "smoothed.npz"}
     for name in ("track.csv", "track.npz", "scores.npz"):
         assert (plain / name).read_bytes() == (both / name).read_bytes()
     filtered, smoothed = (np.load(both / name) for name in ("track.npz", "smoothed.npz"))
     assert set(filtered) == set(smoothed)
     assert not np.allclose(filtered["means"][:-2], smoothed["means"][:-2])
-    main(["ls", str(both)])
-    assert "smoothed, lag 2" in capsys.readouterr().out
-    main(["ls", str(plain), str(both)])
-    assert "IoU of the outline, mean, smoothed" in capsys.readouterr().out
+    assert "smoothed, lag 2" in told("ls", both)
+    assert "IoU of the outline, mean, smoothed" in told("ls", plain, both)
 
 
 @pytest.mark.sketched
@@ -55,9 +53,8 @@ def test_the_folder_holds_what_the_readme_lists(results, capsys):
     run_json(capsys, results, *FEW, "--name", "mine")
     assert '"./mine/index.html"' in (results / "index.html").read_text(encoding="utf-8")
     tables = {f"{name}.{form}" for name in TABLES for form in FORMS}
-    assert {path.name for path in folder.iterdir()} == tables | {
-        *("lineage.json", "config.yaml", "manifest.json", "metrics.json", "figures", "index.html")
-    }
+    texts = {"lineage.json", "config.yaml", "manifest.json", "metrics.json", "index.html"}
+    assert {path.name for path in folder.iterdir()} == tables | texts | {"figures"}
     resolved = yaml.safe_load((folder / "config.yaml").read_text())
     assert from_resolved(resolved) == compose(FEW).configuration
     manifest = json.loads((folder / "manifest.json").read_text())
@@ -89,7 +86,7 @@ def test_the_same_bytes_on_any_number_of_workers(results, capsys, tmp_path, monk
         assert one.read_bytes() == two.read_bytes(), file
 
 
-def test_of_two_in_one_second_both_are_written(results, capsys, monkeypatch):
+def test_of_two_in_one_second_both_are_written(results, capsys, told, monkeypatch):
     def taken_meanwhile(folder, *arguments):
         if not folder.name.endswith("-2"):
             folder.mkdir(parents=True)
@@ -100,8 +97,8 @@ def test_of_two_in_one_second_both_are_written(results, capsys, monkeypatch):
     folder = Path(run_json(capsys, results, *FABRICATED)["folder"])
     assert folder.name.endswith("-2")
     assert (folder / "metrics.json").is_file()
-    assert main(["run", *FABRICATED, "--results", str(results), "--name", "mine"]) == 2
-    assert "mine: was created by another process meanwhile\n" in capsys.readouterr().err
+    said = told("run", *FABRICATED, "--results", results, "--name", "mine", code=2)
+    assert "mine: was created by another process meanwhile\n" in said
 
 
 @pytest.mark.parametrize(
@@ -117,64 +114,50 @@ def test_of_two_in_one_second_both_are_written(results, capsys, monkeypatch):
         (("--results", "new/" + "x" * 300), "cannot be created: File name too long"),
     ],
 )
-def test_a_folder_that_cannot_be_written_is_refused(arguments, said, tmp_path, capsys, monkeypatch):
+def test_a_folder_that_cannot_be_written_is_refused(arguments, said, tmp_path, told, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "results" / "taken").mkdir(parents=True)
     (tmp_path / "results" / "link").symlink_to("nowhere")
     (tmp_path / "file").write_text("mine")
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     for command in (["run"], ["run", "--dry-run"], ["sweep", "--dry-run", "seed=1,2"]):
-        assert main([*command, *FABRICATED, *arguments]) == 2
-        error = capsys.readouterr().err
-        assert said in error
-        assert error.count("\n") == 1
+        error = told(*command, *FABRICATED, *arguments, code=2)
+        assert said in error and error.count("\n") == 1
     assert sorted(os.listdir(tmp_path)) == ["file", "results"]
     assert sorted(os.listdir(tmp_path / "results")) == ["link", "taken"]
     assert not os.listdir(tmp_path / "results" / "taken")
 
 
-def _full(*_, **__):
-    raise OSError(28, "No space left on device")
-
-
-def _read_only(*_, **__):
-    raise OSError(30, "Read-only file system")
-
-
 @pytest.mark.parametrize(
-    ("place", "fault", "said"),
-    [
-        ("pathlib.Path.write_bytes", _full, "No space left on device"),
-        ("pathlib.Path.write_bytes", _read_only, "Read-only file system"),
-        ("pathlib.Path.rename", _read_only, "Read-only file system"),
-    ],
+    ("place", "number"),
+    [("write_bytes", errno.ENOSPC), ("write_bytes", errno.EROFS), ("rename", errno.EROFS)],
 )
-def test_a_disk_that_is_full_leaves_no_half_folder(
-    place, fault, said, results, capsys, monkeypatch
-):
+def test_a_full_disk_leaves_no_half_folder(place, number, results, capsys, told, monkeypatch):
+    def fault(*_, **__):
+        raise OSError(number, said)
+
+    said = os.strerror(number)
     run_json(capsys, results, *FABRICATED, "--name", "there")  # so that all is cached
-    monkeypatch.setattr(place, fault)
-    assert main(["run", *FABRICATED, "--results", str(results), "--name", "new"]) == 2
-    error = capsys.readouterr().err
+    monkeypatch.setattr(Path, place, fault)
+    error = told("run", *FABRICATED, "--results", results, "--name", "new", code=2)
     assert f"stixel: {results}/new: cannot be written: {said}\n" in error
     beside_runs = {"index.html", ".index.lock"}
     assert {*os.listdir(results)} - beside_runs == {"there"}
 
 
 def test_results_that_are_read_only_are_refused_before_anything_runs(
-    results, capsys, monkeypatch, tmp_path
+    results, told, monkeypatch, tmp_path
 ):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     results.mkdir()
     monkeypatch.setattr("os.access", lambda path, mode, **_: not mode & os.W_OK)
-    assert main(["run", *FABRICATED, "--results", str(results)]) == 2
-    assert "not a writable folder; name another" in capsys.readouterr().err
+    said = told("run", *FABRICATED, "--results", results, code=2)
+    assert "not a writable folder; name another" in said
     assert not (tmp_path / "cache").exists()
 
 
-def test_dry_run_prints_the_plan_and_writes_nothing(results, capsys):
-    assert main(["run", *FABRICATED, "--dry-run", "--json", "--results", str(results)]) == 0
-    plan = json.loads(capsys.readouterr().out)
+def test_dry_run_prints_the_plan_and_writes_nothing(results, told):
+    plan = json.loads(told("run", *FABRICATED, "--dry-run", "--json", "--results", results))
     assert plan["config"]["measurement"]["kind"] == "fabricated"
     assert "track" in {stage["name"] for stage in plan["stages"]}
     assert not results.exists()
@@ -189,7 +172,7 @@ def test_a_fabricated_run_imports_neither_open3d_nor_opencv_nor_numba(results, t
         "heavy = {'open3d', 'cv2', 'numba', 'dash'} & sys.modules.keys()\n"
         "sys.exit(f'imported {heavy}' if heavy else code)"
     )
-    command = short_python(str(tmp_path / "script.py"), "sketched")
+    command = short_python(str(tmp_path / "script.py"), "sketched", "workers")
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
@@ -257,7 +240,7 @@ def refusing(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("words", [("run", *PICTURED), ("sweep", *PICTURED, "seed=0,1")])
 def test_a_read_only_cache_and_a_scheduler_that_is_not_there(
-    refusing, monkeypatch, tmp_path, capsys, words
+    refusing, monkeypatch, tmp_path, told, words
 ):
     pytest.importorskip("distributed", reason="Dask is not installed")
     monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
@@ -268,8 +251,7 @@ def test_a_read_only_cache_and_a_scheduler_that_is_not_there(
     ):
         if not more:
             refusing()
-        assert main([*words, *more, "--results", str(results)]) == 2
-        said = capsys.readouterr().err
+        said = told(*words, *more, "--results", results, code=2)
         assert said.count("\n") == 1
         assert all(fault in said for fault in faults)
         assert not results.exists()

@@ -25,11 +25,10 @@ REPEATED = ("metrics.json", "scans.csv", "scans.npz", "track.csv", "track.npz", 
 def original(tmp_path_factory, shared_cache):
     """A result folder; not to be changed."""
     folder = tmp_path_factory.mktemp("results") / "original"
+    words = ["run", *FABRICATED, "--results", str(folder.parent), "--name", "original"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STIXEL_CACHE", str(shared_cache))
-        assert (
-            main(["run", *FABRICATED, "--results", str(folder.parent), "--name", "original"]) == 0
-        )
+        assert main(words) == 0
     return folder
 
 
@@ -43,19 +42,16 @@ def verified(capsys, folder, *options):
     """Exit code and answer of `stixel verify`, with what is cached taken from there."""
     capsys.readouterr()
     code = main(["verify", str(folder), "--json", "--cached", *options])
-    said = capsys.readouterr()
-    return code, json.loads(said.out)
+    return code, json.loads(capsys.readouterr().out)
 
 
 def refused(capsys, *words) -> str:
     """The one line with which a command refuses."""
     capsys.readouterr()
     assert main(list(words)) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    assert "Traceback" not in said.err
-    return said.err
+    out, error = capsys.readouterr()
+    assert out == "" and error.count("\n") == 1 and "Traceback" not in error
+    return error
 
 
 def into(folder) -> tuple[str, str]:
@@ -68,10 +64,9 @@ def edit_json(file, change):
     file.write_text(json.dumps(content))
 
 
-def test_a_rerun_gives_the_same_bytes(folder, tmp_path, capsys, monkeypatch):
+def test_a_rerun_gives_the_same_bytes(folder, tmp_path, told, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "empty"))
-    assert main(["run", str(folder), *into(tmp_path), "--name", "again", "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
+    answer = json.loads(told("run", folder, *into(tmp_path), "--name", "again", "--json"))
     again = tmp_path / "again"
     assert answer["folder"] == str(again)
     assert answer["metrics"] == json.loads((folder / "metrics.json").read_text())
@@ -85,7 +80,7 @@ def test_a_rerun_gives_the_same_bytes(folder, tmp_path, capsys, monkeypatch):
 
 
 def test_a_folder_is_known_by_its_files_where_its_name_has_an_equals_sign(
-    folder, capsys, tmp_path, monkeypatch
+    folder, capsys, told, tmp_path, monkeypatch
 ):
     named = folder.rename(tmp_path / "rig=kitti")
     monkeypatch.chdir(tmp_path)
@@ -93,13 +88,11 @@ def test_a_folder_is_known_by_its_files_where_its_name_has_an_equals_sign(
         assert main(words) == 0
     assert json.loads(Path("results/again/manifest.json").read_text())["rerun_of"] == named.name
     assert main(["explain", named.name]) == 0
-    assert "name either one result folder or overrides" in refused(
-        capsys, "run", named.name, "seed=1"
-    )
+    said = refused(capsys, "run", named.name, "seed=1")
+    assert "name either one result folder or overrides" in said
     (named / "manifest.json").unlink()
-    capsys.readouterr()
-    assert main(["run", "--dry-run", "--json", named.name]) == 0
-    assert json.loads(capsys.readouterr().out)["config"]["rig"]["width"] == 1242
+    said = told("run", "--dry-run", "--json", named.name)
+    assert json.loads(said)["config"]["rig"]["width"] == 1242
 
 
 def test_a_rerun_s_name_follows_the_folder_s(folder, capsys, tmp_path):
@@ -108,24 +101,20 @@ def test_a_rerun_s_name_follows_the_folder_s(folder, capsys, tmp_path):
     assert json.loads((again / "manifest.json").read_text())["workers"] == 1
 
 
-def test_an_untouched_folder_is_identical_computed_anew(folder, capsys, tmp_path, monkeypatch):
+def test_an_untouched_folder_is_identical_computed_anew(folder, told, tmp_path, monkeypatch):
     # There is no cache, and none is made.
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "missing"))
-    assert main(["verify", str(folder), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["identical"]
-    assert found["files_compared"] >= 8
+    found = json.loads(told("verify", folder, "--json"))
+    assert found["identical"] and found["files_compared"] >= 8
     assert found["first_by_key"] is found["first_by_value"] is None
     assert {stage["status"] for stage in found["stages"]} == {"computed"}
     assert not (tmp_path / "missing").exists()
 
 
-def test_text_for_the_eye(folder, capsys):
-    assert main(["verify", str(folder), "--cached"]) == 0
-    assert capsys.readouterr().out.startswith("identical: ")
+def test_text_for_the_eye(folder, told):
+    assert told("verify", folder, "--cached").startswith("identical: ")
     edit_json(folder / "metrics.json", lambda metrics: metrics.update(iou_mean=0.5))
-    assert main(["verify", str(folder), "--cached"]) == 1
-    said = capsys.readouterr().out
+    said = told("verify", folder, "--cached", code=1)
     assert said.startswith("differs: 1 of ")
     assert "  metrics.json: iou_mean: 0.5 became 0." in said
     assert "metrics.json was altered after the run" in said
@@ -137,12 +126,11 @@ def test_altered_arrays_are_named_with_the_amount(folder, capsys):
     track["means"][2, 0] += 0.25
     np.savez(folder / "track.npz", **track)
     code, found = verified(capsys, folder)
-    assert code == 1
+    first = found["first_by_value"]
+    assert (code, first["stage"]) == (1, "track")
     assert [file["file"] for file in found["files"]] == ["track.npz"]
-    assert found["first_by_value"]["stage"] == "track"
-    assert "means: 1 of" in found["first_by_value"]["what"]
-    assert "by up to 0.25" in found["first_by_value"]["what"]
-    assert "altered after the run" in found["first_by_value"]["causes"][0]
+    assert "means: 1 of" in first["what"] and "by up to 0.25" in first["what"]
+    assert "altered after the run" in first["causes"][0]
 
 
 def test_an_altered_configuration_is_seen_by_the_keys(folder, capsys):
@@ -150,21 +138,17 @@ def test_an_altered_configuration_is_seen_by_the_keys(folder, capsys):
     config["tracker"]["sigma_f"] *= 2
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     code, found = verified(capsys, folder)
-    assert code == 1
-    assert found["first_by_key"]["stage"] == "track"
-    assert "config.yaml" in found["first_by_key"]["causes"][0]
+    by_key, by_value = found["first_by_key"], found["first_by_value"]
+    assert (code, by_key["stage"], by_value["stage"]) == (1, "track", "track")
     # The result of the old run is cached, so by how much it differs is told.
-    assert found["first_by_value"]["stage"] == "track"
-    assert "by up to" in found["first_by_value"]["what"]
-    assert found["first_by_value"]["causes"] == found["first_by_key"]["causes"]
+    assert "by up to" in by_value["what"]
+    assert "config.yaml" in by_key["causes"][0] and by_value["causes"] == by_key["causes"]
 
 
 def test_changed_versions_and_revision_are_told_and_an_altered_picture_differs(folder, capsys):
-    def change(manifest):
-        manifest["versions"]["numpy"] = "1.0"
-        manifest["git"] = {"revision": "0" * 40, "dirty": False}
-
-    edit_json(folder / "manifest.json", change)
+    git = {"revision": "0" * 40, "dirty": False}
+    edit_json(folder / "manifest.json", lambda one: one["versions"].update(numpy="1.0"))
+    edit_json(folder / "manifest.json", lambda one: one.update(git=git))
     code, found = verified(capsys, folder)
     assert code == 0
     assert f"numpy 1.0 → {np.__version__}" in found["changes"]
@@ -175,7 +159,7 @@ def test_changed_versions_and_revision_are_told_and_an_altered_picture_differs(f
     assert [file["file"] for file in found["files"]] == ["figures/path.png"]
 
 
-def test_a_folder_of_an_older_version(folder, capsys, tmp_path):
+def test_a_folder_of_an_older_version(folder, capsys, told, tmp_path):
     """It says nothing of executor, cache and lineage, and can be run and compared all the same."""
     config = yaml.safe_load((folder / "config.yaml").read_text())
     del config["executor"], config["cache"]
@@ -186,9 +170,8 @@ def test_a_folder_of_an_older_version(folder, capsys, tmp_path):
     assert code == 0
     assert f"stixel 0.0.1 → {__version__}" in found["changes"]
     assert main(["run", str(folder), *into(tmp_path), "--name", "again"]) == 0
-    capsys.readouterr()
-    assert main(["verify", str(folder), "--cached"]) == 0
-    assert "the keys of the stages are unknown: lineage.json is missing" in capsys.readouterr().out
+    said = told("verify", folder, "--cached")
+    assert "the keys of the stages are unknown: lineage.json is missing" in said
     del config["tracker"]["sigma_f"]
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     said = refused(capsys, "verify", str(folder))
@@ -216,10 +199,8 @@ def _pickled_track(folder):
 
 
 def _strange_key(folder):
-    def change(lineage):
-        lineage["stages"]["track"]["keys"] = ["../../../etc"]
-
-    edit_json(folder / "lineage.json", change)
+    strange = {"keys": ["../../../etc"]}
+    edit_json(folder / "lineage.json", lambda lineage: lineage["stages"]["track"].update(strange))
 
 
 @pytest.mark.parametrize(

@@ -45,11 +45,9 @@ def rendered(results, cache):
     return results / "rendered"
 
 
-def test_a_clip_gives_the_scans_and_the_truth_of_its_run(rendered, results, tmp_path, capsys):
-    capsys.readouterr()
+def test_a_clip_gives_the_scans_and_the_truth_of_its_run(rendered, results, tmp_path, told):
     clip = tmp_path / "clip"
-    assert main(["export", str(rendered), "--format", "kitti", "--output", str(clip)]) == 0
-    printed, command = capsys.readouterr().out.splitlines()
+    printed, command = told("export", rendered, "--format", "kitti", "--output", clip).splitlines()
     assert printed == str(clip)
     words = shlex.split(command)
     assert words[:2] == ["stixel", "run"]
@@ -59,26 +57,21 @@ def test_a_clip_gives_the_scans_and_the_truth_of_its_run(rendered, results, tmp_
     again = ["--results", str(results), "--name", "again"]
     assert main([*words[1:], *more, *again]) == 0
     for name in ("scans", "ego"):
-        with (
-            np.load(rendered / f"{name}.npz") as old,
-            np.load(results / f"again/{name}.npz") as new,
-        ):
+        old, new = (np.load(folder / f"{name}.npz") for folder in (rendered, results / "again"))
+        with old, new:
             for column in old:
                 # The focal length of the calibration differs in its last digit, which moves the
                 # end of one stixel by 0.06 mm.
                 np.testing.assert_allclose(new[column], old[column], atol=1e-4, err_msg=column)
     with np.load(rendered / "truth.npz") as old, np.load(results / "again/truth.npz") as new:
-        np.testing.assert_allclose(new["x"], old["x"], atol=0.05)
-        np.testing.assert_allclose(new["y"], old["y"], atol=0.05)
-        np.testing.assert_allclose(new["heading"], old["heading"], atol=1e-9)
+        for name, tolerance in (("x", 0.05), ("y", 0.05), ("heading", 1e-9)):
+            np.testing.assert_allclose(new[name], old[name], atol=tolerance)
     disparity = cv2.imread(str(clip / "disparity/0000/000003.png"), cv2.IMREAD_UNCHANGED)
     assert disparity.shape == (120, 200) and disparity.dtype == np.uint16
     assert 1.0 < np.median(disparity[disparity > 0]) / 256 < 60.0
 
 
-def test_trajectories_are_those_that_evo_reads_without_rows_of_unknown_poses(
-    rendered, tmp_path, capsys
-):
+def test_trajectories_are_those_that_evo_reads_without_rows_of_unknown_poses(rendered, tmp_path):
     out = tmp_path / "tum"
     assert main(["export", str(rendered), "--format", "tum", "--output", str(out)]) == 0
     assert sorted(file.name for file in out.iterdir()) == ["ego.tum", "track.tum", "truth.tum"]
@@ -125,10 +118,7 @@ def test_stixels_come_back_from_the_format_of_pystixel_lib(rendered, tmp_path):
         used = np.diff(track["used_offsets"])
     for k in range(4):
         world = library.read(str(out / f"{k:06d}.stx1"))
-        found = {
-            name: np.array([getattr(one, name) for one in world.stixel])
-            for name in ("u", "vT", "vB", "d", "label", "width", "confidence", "idx", "cluster")
-        }
+        found = {name: np.array([getattr(one, name) for one in world.stixel]) for name in OF_STX1}
         assert len(found["u"]) > 10 and found["idx"].tolist() == list(range(len(found["u"])))
         assert (found["u"] >= 0).all() and (found["u"] + found["width"] <= 200).all()
         assert (found["vT"] < found["vB"]).all() and (found["vB"] <= 120).all()
@@ -155,36 +145,31 @@ def test_a_recording_of_rerun_is_written(rendered, tmp_path):
 
 
 @pytest.mark.parametrize(("form", "module"), [("stx1", "stixel"), ("rerun", "rerun")])
-def test_a_missing_library_is_named(form, module, rendered, tmp_path, monkeypatch, capsys):
+def test_a_missing_library_is_named(form, module, rendered, tmp_path, monkeypatch, told):
     monkeypatch.setitem(sys.modules, module, None)
-    capsys.readouterr()
-    assert main(["export", str(rendered), "--format", form, "--output", str(tmp_path / "x")]) == 2
-    error = capsys.readouterr().err
+    error = told("export", rendered, "--format", form, "--output", tmp_path / "x", code=2)
     assert f"pip install 'stixel[{form}]'" in error and error.count("\n") == 1
     assert not (tmp_path / "x").exists()
 
 
-def test_scans_without_images_have_no_stixels(results, tmp_path, capsys):
+def test_scans_without_images_have_no_stixels(results, tmp_path, told):
     pytest.importorskip("stixel")
     few = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[]", "executor=threads")
     assert main(["run", *few, "--results", str(results), "--name", "rays"]) == 0
-    capsys.readouterr()
     words = ("--format", "stx1", "--output", str(tmp_path / "x"))
-    assert main(["export", str(results / "rays"), *words]) == 2
-    assert "has no stixels to export" in capsys.readouterr().err
+    assert "has no stixels to export" in told("export", results / "rays", *words, code=2)
 
 
-def test_what_cannot_be_exported_is_refused_in_one_line(rendered, tmp_path, capsys):
-    capsys.readouterr()
+def test_what_cannot_be_exported_is_refused_in_one_line(rendered, tmp_path, told):
     for words, said in (
         (["--format", "xyz"], "'xyz' is not one of 'kitti', 'csv', 'tum', 'stx1', 'rerun'"),
         (["--format", "tum", "--output", str(tmp_path)], "exists and is not overwritten"),
     ):
-        assert main(["export", str(rendered), *words]) == 2
-        error = capsys.readouterr().err
+        error = told("export", rendered, *words, code=2)
         assert said in error and error.count("\n") == 1
 
 
+OF_STX1 = ("u", "vT", "vB", "d", "label", "width", "confidence", "idx", "cluster")
 GATES = (0.3, 2.5, 1.0, 40.0)
 
 
@@ -196,14 +181,10 @@ def stixels_of(first, heights_of_each):
     return made_stixels(first, offsets, height=heights, points_ego=points)
 
 
-def scans_with(counts):
-    points = [(np.zeros((count, 2)), np.tile(np.eye(2), (count, 1, 1))) for count in counts]
-    return Scans.of_each(np.arange(len(counts)), np.zeros((len(counts), 3)), points)
-
-
 def test_clutter_and_dropouts_do_not_shift_the_stixels_of_the_target():
     # Frame 2 has two candidates and one clutter point, frame 3 a dropout, frame 4 no clutter.
     chunk = stixels_of(2, [[1.0, 0.1, 1.0], [1.0], [1.0, 1.0]])
-    scans = scans_with([1, 0, 3, 0, 2])
+    points = [(np.zeros((n, 2)), np.tile(np.eye(2), (n, 1, 1))) for n in (1, 0, 3, 0, 2)]
+    scans = Scans.of_each(np.arange(5), np.zeros((5, 3)), points)
     used = np.array([0, 2, 3, 4])  # In frame 2 the second candidate and the clutter.
     assert used_stixels(chunk, GATES, scans, used).tolist() == [0, 0, 1, 0, 1, 0]

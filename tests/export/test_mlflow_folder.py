@@ -42,9 +42,8 @@ def test_sweep(results, tmp_path, capsys):
     assert len(runs) == 1 + 2 + 8
     parents = {name: run.data.tags.get("mlflow.parentRunId") for name, run in runs.items()}
     (top,) = [name for name, parent in parents.items() if parent is None]
-    assert (out / "artifacts" / top / "artifacts/summary.csv").read_text() == (
-        sweep / "summary.csv"
-    ).read_text()
+    copied = out / "artifacts" / top / "artifacts/summary.csv"
+    assert copied.read_bytes() == (sweep / "summary.csv").read_bytes()
     settings = {runs[n].info.run_name: runs[n] for n, parent in parents.items() if parent == top}
     assert set(settings) == {"point", "gp_ekf"}
     point = settings["point"]
@@ -59,7 +58,7 @@ def test_sweep(results, tmp_path, capsys):
 
 @pytest.mark.parametrize("linked", ["summary.md", "runs/0003"])
 def test_nothing_is_copied_through_a_link_out_of_the_folder(
-    linked, results, tmp_path, capsys, monkeypatch
+    linked, results, tmp_path, told, monkeypatch
 ):
     # A database of mlflow takes seconds to make.
     client = MagicMock()
@@ -74,13 +73,12 @@ def test_nothing_is_copied_through_a_link_out_of_the_folder(
         secret.write_text("secret")
         (sweep / linked).unlink()
     (sweep / linked).symlink_to(secret)
-    assert main(["export", str(sweep), "--format", "mlflow", "--output", str(out)]) == 2
-    line = capsys.readouterr().err.splitlines()[-1]
+    line = told("export", sweep, "--format", "mlflow", "--output", out, code=2).splitlines()[-1]
     assert linked in line and "link out of" in line
     assert [path.name for path in tmp_path.iterdir() if path not in (sweep, secret)] == []
 
 
-def test_run_and_an_output_that_exists(results, tmp_path, capsys):
+def test_run_and_an_output_that_exists(results, tmp_path, told):
     out, run = tmp_path / "logs", results / "sweep/runs/0000"
     command = ["export", str(run), "--format", "mlflow", "--output", str(out)]
     assert main(command) == 0
@@ -88,5 +86,4 @@ def test_run_and_an_output_that_exists(results, tmp_path, capsys):
     stored = json.loads((run / "metrics.json").read_text())
     assert one.data.metrics == {name: v for name, v in stored.items() if v is not None}
     assert one.info.artifact_uri == (out / f"artifacts/{one.info.run_id}/artifacts").as_uri()
-    assert main(command) == 2
-    assert "exists and is not overwritten" in capsys.readouterr().err
+    assert "exists and is not overwritten" in told(*command, code=2)

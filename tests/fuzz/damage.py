@@ -45,10 +45,8 @@ def damage(file: Path, rng: random.Random) -> None:
     elif how < 0.35:
         rng.choice(_BYTES if file.stat().st_size else (_random,))(file, rng)
     else:
-        inside = {".json": damage_tree, ".yaml": damage_tree, ".npz": damage_arrays}.get(
-            file.suffix, _text
-        )
-        inside(file, rng)
+        of_kind = {".json": damage_tree, ".yaml": damage_tree, ".npz": damage_arrays}
+        of_kind.get(file.suffix, _text)(file, rng)
 
 
 def _link(target: str) -> Callable[[Path], None]:
@@ -92,9 +90,8 @@ def _flip(file: Path, rng: random.Random) -> None:
 def _insert(file: Path, rng: random.Random) -> None:
     data = file.read_bytes()
     at = rng.choice((0, len(data), rng.randrange(len(data))))
-    what = rng.choice(
-        (b"\0", b"\xff", b"\xef\xbb\xbf", b"\r\n", b"\t", b"---\n", b"{", b"#", b"\xed\xa0\x80")
-    )
+    odd = (b"\0", b"\xff", b"\xef\xbb\xbf", b"\r\n", b"\t", b"---\n", b"{", b"#", b"\xed\xa0\x80")
+    what = rng.choice(odd)
     file.write_bytes(data[:at] + what * rng.choice((1, 1, 3, 1000)) + data[at:])
 
 
@@ -138,9 +135,8 @@ def damage_tree(file: Path, rng: random.Random) -> None:
         if how < 0.15 and parent is not tree:
             del parent[key]
         elif how < 0.25 and isinstance(parent, dict) and parent is not tree:
-            parent[rng.choice(("", "x", "\u2028", "a.b", "kind", "__class__", "x" * 5000))] = (
-                parent.pop(key)
-            )
+            value = parent.pop(key)
+            parent[rng.choice(("", "x", "\u2028", "a.b", "kind", "__class__", "x" * 5000))] = value
         elif how < 0.35:
             parent[key] = rng.choice(([parent[key]], {"x": parent[key]}, str(parent[key])))
         else:

@@ -95,11 +95,8 @@ _SHAPES = (
     *("(99999999999,)", "(True,)", "(None,)", "('a',)", "(" * 500, "[3]", "(3,),'x':1"),
 )
 _KINDS = ("'<f99'", "[('a','<f8')]", "'O'", "'<M8[s]'", "None", "'<U0'", "('<f8',(99,))")
-_MEMBERS = (
-    *map(_shape, _SHAPES),
-    *(_shape("(3,)", kind) for kind in _KINDS),
-    *(_pickled, _bare_pickle, _other_name, _no_npy, _half),
-)
+_MEMBERS = (*map(_shape, _SHAPES), *(_shape("(3,)", kind) for kind in _KINDS))
+_MEMBERS += (_pickled, _bare_pickle, _other_name, _no_npy, _half)
 
 
 def _with(value: float) -> Callable[[np.ndarray], np.ndarray]:

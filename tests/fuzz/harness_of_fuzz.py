@@ -79,10 +79,8 @@ def settle(monkeypatch, folder: Path) -> Path:
 
 def answer(words: list[str]) -> Answer:
     """What the console script would answer."""
-    out, err = (
-        io.TextIOWrapper(io.BytesIO(), "utf-8", errors="backslashreplace", newline="\n")
-        for _ in range(2)
-    )
+    how = {"encoding": "utf-8", "errors": "backslashreplace", "newline": "\n"}
+    out, err = (io.TextIOWrapper(io.BytesIO(), **how) for _ in range(2))
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(words)
     out.flush()
@@ -185,8 +183,9 @@ class Kind:
     answer: Callable[[list[str]], Answer] = answer
 
 
-def run_cases(kind: Kind, small: int) -> list[str]:
-    """The complaints about `small` cases; of a long run, about all its cases, told on stderr.
+def run_cases(kind: Kind, small: int) -> None:
+    """Fail if there are complaints about `small` cases, or in a long run, which tells them on
+    stderr, about any of its own.
 
     A case of a long run that hangs or dies is the last one that it told.
     """
@@ -202,4 +201,4 @@ def run_cases(kind: Kind, small: int) -> list[str]:
             found.append(f"{shown}: {wrong}")
             sys.__stderr__.write(f"{found[-1]}\n" if long_run else "")
     faulthandler.cancel_dump_traceback_later()
-    return found
+    assert not found, "\n".join(found)

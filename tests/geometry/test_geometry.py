@@ -29,9 +29,8 @@ POINTS = np.array([[1.0, 0.0], [0.0, 1.0], [-2.0, 3.5]])
 def test_axes_point_along_the_heading():
     moved = world_from_target(POINTS[:2], np.array([5.0, 6.0, np.pi / 2]))
     np.testing.assert_allclose(moved, [[5, 7], [4, 6]], atol=1e-12)
-    np.testing.assert_allclose(
-        world_from_ego(POINTS, np.array([0.0, 0.0, STRAIGHT_AHEAD])), POINTS, atol=1e-12
-    )
+    same = world_from_ego(POINTS, np.array([0.0, 0.0, STRAIGHT_AHEAD]))
+    np.testing.assert_allclose(same, POINTS, atol=1e-12)
     moved = world_from_ego(POINTS[:2], np.array([5.0, 6.0, np.pi]))
     np.testing.assert_allclose(moved, [[5, 7], [4, 6]], atol=1e-12)
 
@@ -125,10 +124,8 @@ def test_world_from_camera_is_rigid_and_located_at_the_ego_pose(x, y, heading, p
     assert np.linalg.det(turn) == pytest.approx(1.0)
     np.testing.assert_allclose(transform[:3, 3], [x, y, RIG.camera_height])
     ahead, right = turn[:, 2], turn[:, 0]
-    np.testing.assert_allclose(
-        ahead[:2], np.cos(np.radians(pitch)) * np.array([np.cos(heading), np.sin(heading)]),
-        atol=1e-12,
-    )  # fmt: skip
+    flat = np.cos(np.radians(pitch)) * np.array([np.cos(heading), np.sin(heading)])
+    np.testing.assert_allclose(ahead[:2], flat, atol=1e-12)
     np.testing.assert_allclose(right, [np.sin(heading), -np.cos(heading), 0.0], atol=1e-12)
 
 

@@ -18,13 +18,9 @@ from stixel_cli.tracking.followed import LEAST_SCANS
 def pairs(clip):
     """The images of three frames, each with the pose of the camera."""
     poses = np.loadtxt(clip / "ego_poses/0000.txt").reshape(-1, 3, 4)
-    return [
-        (
-            *(grey(read_image(clip / f"image_0{side}/0000/00000{k}.png")) for side in (2, 3)),
-            poses[k],
-        )
-        for k in range(3)
-    ]
+    sides = (clip / "image_02/0000", clip / "image_03/0000")
+    left, right = ([grey(read_image(side / f"00000{k}.png")) for k in range(3)] for side in sides)
+    return [*zip(left, right, poses[:3], strict=True)]
 
 
 def test_a_rendered_clip_has_the_stixels_of_stixel_run(clip, pairs):
@@ -47,19 +43,14 @@ def test_a_rendered_clip_has_the_stixels_of_stixel_run(clip, pairs):
 def test_pairs_that_are_matched_ahead_give_the_same(clip, pairs):
     calibration = clip / "calib/0000.txt"
     one, ahead = StixelStream(calibration), StixelStream(calibration)
-    for expected, frame in zip(
-        [one.step(*pair) for pair in pairs], ahead.steps(iter(pairs)), strict=True
-    ):
-        assert_same(frame.stixels.stixels, expected.stixels.stixels)
+    expected = [one.step(*pair) for pair in pairs]
+    for known, frame in zip(expected, ahead.steps(iter(pairs)), strict=True):
+        assert_same(frame.stixels.stixels, known.stixels.stixels)
     parked = list(StixelStream(calibration).steps(pair[:2] for pair in pairs))
     by_poses = [StixelStream(calibration).step(*pairs[0][:2], [0.0, 0.0, np.pi / 2])]
     assert_same(parked[0].stixels.stixels, by_poses[0].stixels.stixels)
     # The free space of the frame before is moved by the car's motion.
-    assert_differs(parked[2], frame)
-
-
-def assert_differs(one, other):
-    ours, theirs = one.stixels.free_space.disparity, other.stixels.free_space.disparity
+    ours, theirs = (one.stixels.free_space.disparity for one in (parked[2], frame))
     assert not np.array_equal(ours, theirs, equal_nan=True)
 
 

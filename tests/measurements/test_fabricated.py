@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from stixel_cli.geometry.pose import ego_from_world, rotation, world_from_target
+from stixel_cli.geometry.pose import ego_from_world, rectangle, rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
 from stixel_cli.measurements.rays import (
@@ -27,17 +27,11 @@ from stixel_cli.scene.scenario import Scenario
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0, None)
 RIGHT, LEFT = RIG.field_of_view
-EXACT = FabricatedParameters(
-    "fabricated",
-    None,
-    "angle",
-    ConstantNoise("constant", 0.0),
-    0.0,
-    80.0,
-    dropout=None,
-    clutter_rate=0.0,
-)
-BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])
+DISTURBED = {"dropout": None, "clutter_rate": 0.0}
+NO_NOISE = ConstantNoise("constant", 0.0)
+EXACT = FabricatedParameters("fabricated", None, "angle", NO_NOISE, 0.0, 80.0, **DISTURBED)
+BOX = rectangle(4.5, 1.8)
+VIEWS = (st.booleans(), st.floats(-0.5, 0.5), st.floats(0.1, 1.0))
 
 
 def scenario(count=20, distance=15.0, contour=BOX):
@@ -77,9 +71,8 @@ def test_points_without_noise_are_on_contour_and_rays(spacing):
 
 def test_points_follow_the_limbs():
     thin = BOX * [1.0, 0.3]
-    truth = dataclasses.replace(
-        scenario(count=4), contours_target=np.stack([BOX, thin]), limb_poses=np.array([0, 1, 1, 0])
-    )
+    limbs = {"contours_target": np.stack([BOX, thin]), "limb_poses": np.array([0, 1, 1, 0])}
+    truth = dataclasses.replace(scenario(count=4), **limbs)
     scans = fabricate_scans(truth, RIG, EXACT, seed=1)
     for k, contour in enumerate((BOX, thin, thin, BOX)):
         outline = world_from_target(contour, truth.target_poses_world[k])
@@ -140,19 +133,14 @@ def test_random_numbers_depend_only_on_seed_and_scan_and_not_on_options():
     reference = fabricate_scans(truth, RIG, plain, seed=3)
     missed = fabricate_scans(truth, RIG, dataclasses.replace(plain, missed_probability=0.3), seed=3)
     for k in range(len(reference)):
-        points = reference.points_world[reference.rows(k)]
-        left = missed.points_world[missed.rows(k)]
+        points, left = (one.points_world[one.rows(k)] for one in (reference, missed))
         assert {tuple(p) for p in left} <= {tuple(p) for p in points}
-    share = len(missed.points_world) / len(reference.points_world)
-    assert 0.65 < share < 0.75
-    noisy = dataclasses.replace(EXACT, noise=ConstantNoise("constant", 0.1))
-    first = fabricate_scans(truth, RIG, noisy, seed=3)
-    again = fabricate_scans(truth, RIG, noisy, seed=3)
-    other = fabricate_scans(truth, RIG, noisy, seed=4)
-    assert first.points_world.tobytes() == again.points_world.tobytes()
-    assert not np.array_equal(first.points_world, other.points_world)
-    shorter = fabricate_scans(scenario(count=5), RIG, noisy, seed=3)
-    assert_array_equal(shorter.points_world, first.points_world[: shorter.offsets[-1]])
+    assert 0.65 < len(missed.points_world) / len(reference.points_world) < 0.75
+    again, other = (fabricate_scans(truth, RIG, plain, seed=seed) for seed in (3, 4))
+    assert reference.points_world.tobytes() == again.points_world.tobytes()
+    assert not np.array_equal(reference.points_world, other.points_world)
+    shorter = fabricate_scans(scenario(count=5), RIG, plain, seed=3)
+    assert_array_equal(shorter.points_world, reference.points_world[: shorter.offsets[-1]])
 
 
 def test_a_scan_can_be_empty_and_rays_are_no_more_than_columns():
@@ -192,14 +180,7 @@ def concave_star(seed, centre, size):
     return centre + radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-@given(
-    seed=st.integers(0, 2**31),
-    distance=st.floats(0.0, 30.0),
-    bearing=st.floats(-np.pi, np.pi),
-    even_tangent=st.booleans(),
-    middle=st.floats(-0.5, 0.5),
-    half=st.floats(0.1, 1.0),
-)
+@given(st.integers(0, 2**31), st.floats(0.0, 30.0), st.floats(-np.pi, np.pi), *VIEWS)
 def test_crossings_match_a_brute_force_search(seed, distance, bearing, even_tangent, middle, half):
     # Near ones enclose the sensor, or reach round it past the seam behind.
     centre = distance * np.array([np.cos(bearing), np.sin(bearing)])
@@ -259,11 +240,8 @@ def test_kinds_of_noise_agree_on_their_std_and_sensitivity():
 
 def test_noise_has_the_given_std_and_correlation():
     changes = {"disparity_std": 0.1, "correlation_columns": 6.0}
-    rows = []
-    for seed in range(8):
-        ray, true, found = measured(seed=seed, **changes)
-        rows.append((found - true) / (0.1 * SENSITIVITY[ray - 500]))
-    even = np.array(rows)
+    draws = [measured(seed=seed, **changes) for seed in range(8)]
+    even = np.array([(found - true) / (0.1 * SENSITIVITY[ray - 500]) for ray, true, found in draws])
     assert abs(even.std() - 1.0) < 0.05
     assert abs(np.mean(even[:, 1:] * even[:, :-1]) - np.exp(-0.5)) < 0.06
     assert abs(np.mean(even[:, 4:] * even[:, :-4]) - np.exp(-2.0)) < 0.06
@@ -279,9 +257,7 @@ def test_ends_extend_or_shorten_the_silhouette_but_at_the_image_border():
     assert (ray[0], ray[-1]) == (511, 3490)
     # Nothing is left of a target that is narrower than what its ends fall short by.
     assert len(measured(hit=HIT[:12], ranges=RANGES[:12], edge_metres=-metres)[0]) == 0
-    hit = np.arange(4000)
-    ranges = 12.0 / np.cos(RAYS.angles)
-    ray, _, _ = measured(hit, ranges, edge_metres=-0.1)
+    ray, _, _ = measured(np.arange(4000), 12.0 / np.cos(RAYS.angles), edge_metres=-0.1)
     assert (ray[0], ray[-1]) == (1, 3997)
 
 
@@ -294,25 +270,14 @@ def test_missed_points_are_correlated():
 
 
 def test_outermost_points_have_mixed_depths():
-    errors = np.array(
-        [
-            (found - true) / SENSITIVITY[ray - 500]
-            for ray, true, found in (
-                measured(seed=seed, edge_disparity_std=0.3) for seed in range(60)
-            )
-        ]
-    )
+    draws = [measured(seed=seed, edge_disparity_std=0.3) for seed in range(60)]
+    errors = np.array([(found - true) / SENSITIVITY[ray - 500] for ray, true, found in draws])
     assert abs(errors[:, [0, -1]].std() - 0.3) < 0.06
     assert np.all(errors[:, 1:-1] == 0.0)
 
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_noise_accepts_few_rays(count):
-    ray, true, found = measured(
-        HIT[2 : 2 + count],
-        RANGES[2 : 2 + count],
-        disparity_std=0.1,
-        edge_disparity_std=0.1,
-        missed_share=0.5,
-    )
+    noise = {"disparity_std": 0.1, "edge_disparity_std": 0.1, "missed_share": 0.5}
+    ray, true, found = measured(HIT[2 : 2 + count], RANGES[2 : 2 + count], **noise)
     assert len(ray) == len(true) == len(found) <= count

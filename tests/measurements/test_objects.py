@@ -5,7 +5,7 @@ import pytest
 from made_stixels import made_stixels
 from sklearn.cluster import DBSCAN
 
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_target
 from stixel_cli.measurements.clusters import cluster, distances
 from stixel_cli.measurements.objects import find_objects, smallest_rectangle
 from stixel_cli.results.tables import object_columns
@@ -32,18 +32,11 @@ def stixels(points_of_each, heights=None):
     covariances = np.zeros((len(points), 2, 2))
     covariances[:, 1, 1], covariances[:, 0, 0] = std**2, 1e-4
     base = np.rint(170 + FOCAL * 1.65 / np.maximum(points[:, 1], 1.0)).astype(np.int32)
-    return made_stixels(
-        3,
-        np.cumsum([0, *map(len, points_of_each)], dtype=np.int64),
-        left=middle - WIDTH // 2,
-        right=middle + WIDTH // 2,
-        top=base - 20,
-        base=base,
-        depth=points[:, 1],
-        height=np.ones(len(points)) if heights is None else np.asarray(heights, float),
-        points_ego=points,
-        covariances_ego=covariances,
-    )
+    frames = np.cumsum([0, *map(len, points_of_each)], dtype=np.int64)
+    at = {"left": middle - WIDTH // 2, "right": middle + WIDTH // 2, "top": base - 20, "base": base}
+    at |= {"points_ego": points, "covariances_ego": covariances, "depth": points[:, 1]}
+    heights = np.ones(len(points)) if heights is None else np.asarray(heights, float)
+    return made_stixels(3, frames, height=heights, **at)
 
 
 def test_cars_next_to_each_other_and_in_a_row_are_objects_of_their_own():
@@ -68,8 +61,7 @@ def test_a_far_object_does_not_break_up_where_its_depth_is_uncertain():
     near, far = rear(0.0, 10.0, relief=0.5), rear(0.0, 60.0, relief=0.5)
     for points, objects in ((near, 2), (far, 1)):
         chunk = stixels([points])
-        labels = cluster(chunk.points_ego, chunk.covariances_ego)
-        assert labels.max() + 1 == objects
+        assert cluster(chunk.points_ego, chunk.covariances_ego).max() + 1 == objects
 
 
 def test_a_single_stixel_and_what_the_gates_refuse_are_in_no_object():
@@ -83,12 +75,9 @@ def test_a_single_stixel_and_what_the_gates_refuse_are_in_no_object():
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.2])
 def test_the_rectangle_on_the_ground_is_the_smallest(angle):
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     along, across = np.linspace(-2.1, 2.1, 9), np.linspace(-0.9, 0.9, 5)
-    sides = np.concatenate(
-        [np.stack([along, np.full(9, 0.9)], 1), np.stack([np.full(5, 2.1), across], 1)]
-    )
-    corners = smallest_rectangle(sides @ turn.T + [4.0, 50.0])
+    sides = [[x, 0.9] for x in along] + [[2.1, y] for y in across]
+    corners = smallest_rectangle(world_from_target(sides, (4.0, 50.0, angle)))
     sizes = np.sort(np.hypot(*np.diff(corners[:3], axis=0).T))
     # The diagonal between the far ends closes the hull, so no rectangle is smaller.
     np.testing.assert_allclose(sizes, [1.8, 4.2], atol=1e-4)

@@ -1,8 +1,7 @@
 """What a file of a recording may have gone through, and how a reader refuses it."""
 
-import pytest
+from refusals import refused
 
-from stixel_cli.errors import UserError
 from stixel_cli.recordings.find import find_recording
 
 
@@ -18,8 +17,8 @@ def missing(file):
     file.unlink()
 
 
-def put(row: int, column: int, word: str):
-    """Damage: another word in a table whose columns are apart by spaces."""
+def put(row: int, column: int | slice, word: str | list[str]):
+    """Damage: another word, or words, in a table whose columns are apart by spaces."""
 
     def damage(file):
         rows = [line.split(" ") for line in file.read_text().splitlines()]
@@ -41,7 +40,5 @@ def cut(size: int | float):
 
 def is_refused(source, said: str, name: str) -> None:
     """One line with the words `said` and the `name` of a file or folder."""
-    with pytest.raises(UserError) as caught:
+    with refused(said, name):
         find_recording(source)
-    line = str(caught.value)
-    assert said in line and name in line and "\n" not in line

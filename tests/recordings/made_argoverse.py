@@ -15,10 +15,8 @@ LEFT_IN_EGO = np.array([1.6, 0.25, 1.2])
 AHEAD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation from the clip's cameras (x right, y down, z forward) to the ego car."""
 
-MOUNTED = [
-    Rotation.from_euler("yzx", [0.8, 0.6, 0.3], degrees=True),
-    Rotation.from_euler("yzx", [-0.8, -0.6, -0.3], degrees=True),
-]
+ANGLES = np.array([0.8, 0.6, 0.3])
+MOUNTED = [Rotation.from_euler("yzx", one, degrees=True) for one in (ANGLES, -ANGLES)]
 """Rotations from the left and the right camera to those of the clip."""
 
 
@@ -147,10 +145,9 @@ def make_motion(folder: Path, mounted: bool, category: str = "BICYCLE") -> np.nd
     write_table(folder / "annotations.feather", labels)
     write_table(folder / "city_SE3_egovehicle.feather", city)
     if mounted:
-        rows = [
-            {"sensor_name": name} | pose_row(AHEAD, LEFT_IN_EGO - [0.0, y, 0.0])
-            for name, y in (("stereo_front_left", 0.0), ("stereo_front_right", 0.5))
-        ]
+        right = LEFT_IN_EGO - [0.0, 0.5, 0.0]
+        mounts = {"stereo_front_left": LEFT_IN_EGO, "stereo_front_right": right}
+        rows = [{"sensor_name": name} | pose_row(AHEAD, at) for name, at in mounts.items()]
         write_table(folder / "calibration/egovehicle_SE3_sensor.feather", rows)
     cameras = egos + (turns[:, :2, :2] @ LEFT_IN_EGO[:2] if mounted else 0.0)
     to_world = Rotation.from_euler("z", np.pi / 2.0 - headings[0]).as_matrix()[:2, :2]

@@ -75,11 +75,8 @@ def messages(clip: Path, encoding: str, sequence: str = "0003") -> list[tuple[st
         info |= {"distortion_model": "plumb_bob", "d": np.array([-0.2, 0.1, 0, 0, 0])}
         info |= {"k": matrix[:, :3].ravel(), "r": RECTIFYING.ravel(), "p": matrix.ravel()}
         found.append((INFO.format(side), START, "sensor_msgs/msg/CameraInfo", info))
-    for name, parent, pose in (
-        ("left_optical", "head", CAMERA),
-        ("head", "/base_link", HEAD),
-        ("lidar", "base_link", np.eye(4)),
-    ):
+    above = [("left_optical", "head", CAMERA), ("head", "/base_link", HEAD)]
+    for name, parent, pose in (*above, ("lidar", "base_link", np.eye(4))):
         step = {"header": header(START, parent), "child_frame_id": name}
         step["transform"] = _values(pose, "rotation", "translation")
         found.append((STATIC, START, "tf2_msgs/msg/TFMessage", {"transforms": [step]}))
@@ -101,11 +98,8 @@ def write_bag(path: Path, content: list[tuple[str, int, str, dict]], plugin: str
     first = path.suffix == ".bag"
     store = _types(first)
     storage = rosbag2.StoragePlugin[plugin.upper()]
-    with (
-        rosbag1.Writer(path)
-        if first
-        else rosbag2.Writer(path, version=9, storage_plugin=storage) as bag
-    ):
+    options = {} if first else {"version": 9, "storage_plugin": storage}
+    with (rosbag1 if first else rosbag2).Writer(path, **options) as bag:
         connections = {}
         for topic, time, kind, fields in content:
             if topic not in connections:

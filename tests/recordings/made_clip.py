@@ -30,15 +30,9 @@ def small_scenario(count=5, speed=2.0, yaw_rate=4.0) -> Scenario:
     heading = 1.5
     velocity = 3.0 * np.array([np.cos(heading), np.sin(heading)])
     places = np.array([0.4, 9.0]) + ego.times[:, None] * velocity
-    headings = np.full((count, 1), heading)
+    poses = np.column_stack([places, np.full(count, heading)])
     rates = np.tile([*velocity, 0.0], (count, 1))
-    return Scenario(
-        times=ego.times,
-        ego_poses_world=ego.poses_world,
-        target_poses_world=np.concatenate([places, headings], axis=1),
-        target_rates_world=rates,
-        contours_target=rectangle(LENGTH, WIDTH)[None],
-    )
+    return Scenario(ego.times, ego.poses_world, poses, rates, rectangle(LENGTH, WIDTH)[None])
 
 
 def stereo_pairs(scenario: Scenario, rig: Rig) -> StereoPairs:
@@ -77,9 +71,8 @@ def plain_folder(clip, folder):
         shutil.copytree(clip / camera / "0003", folder / name)
     for kind, name in (("label_02", "labels"), ("ego_poses", "poses")):
         shutil.copy(clip / kind / "0003.txt", folder / f"{name}.txt")
-    (folder / "rig.yaml").write_text(
-        "focal_length: 150\nprincipal_u: 78\nprincipal_v: 40\nbaseline: 0.5\ncamera_height: 1.65\n"
-    )
+    image = "focal_length: 150\nprincipal_u: 78\nprincipal_v: 40\n"
+    (folder / "rig.yaml").write_text(f"{image}baseline: 0.5\ncamera_height: 1.65\n")
     return LabelledFolder(kind="folder", folder=str(folder), target=0, frames=None, sample_time=0.1)
 
 

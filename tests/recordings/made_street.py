@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stixel_cli.geometry.rig import Rig
 
@@ -35,13 +36,9 @@ def view(rig: Rig, pose: np.ndarray, boxes=()) -> tuple[np.ndarray, np.ndarray]:
     origin = pose[:, 3]
     best = np.full(u.shape, np.inf)
     places = np.zeros((*u.shape, 2))
-    planes = [
-        (1, rig.camera_height, 0, 2, None),
-        (0, -HALF_WIDTH, 1, 2, None),
-        (0, HALF_WIDTH, 1, 2, None),
-        (2, END, 0, 1, None),
-        *((2, box[2], 0, 1, box) for box in boxes),
-    ]
+    planes = [(1, rig.camera_height, 0, 2, None)]
+    planes += [(0, side, 1, 2, None) for side in (-HALF_WIDTH, HALF_WIDTH)]
+    planes += [(2, END, 0, 1, None), *((2, box[2], 0, 1, box) for box in boxes)]
     for number, (axis, at, one, other, limits) in enumerate(planes):
         with np.errstate(divide="ignore", invalid="ignore"):
             away = (at - origin[axis]) / rays[..., axis]
@@ -87,22 +84,15 @@ def stereo_view(rig: Rig, pose: np.ndarray, boxes=()) -> tuple[np.ndarray, np.nd
         columns = u + rig.disparity_from_depth(right_depth)
         error = rig.disparity_error_basis(columns.ravel()) @ rig.disparity_error
         moved = u + error.reshape(columns.shape)
-        right = np.stack(
-            [np.interp(*row) for row in zip(moved, [u] * len(right), right, strict=True)]
-        )
-        right = np.rint(right).astype(np.uint8)
+        rows = zip(moved, right, strict=True)
+        right = np.rint([np.interp(at, u, row) for at, row in rows]).astype(np.uint8)
     return left, right, disparity
 
 
 def poses_ahead(count: int, step: float, sway: float = 0.0) -> np.ndarray:
     """Poses (count, 3, 4) of a camera that drives ahead by `step` m and turns by `sway` rad."""
     poses = np.zeros((count, 3, 4))
-    for k in range(count):
-        yaw = sway * np.sin(k)
-        poses[k, :, :3] = [
-            [np.cos(yaw), 0.0, np.sin(yaw)],
-            [0.0, 1.0, 0.0],
-            [-np.sin(yaw), 0.0, np.cos(yaw)],
-        ]
-        poses[k, 2, 3] = step * k
+    yaws = sway * np.sin(np.arange(count))
+    poses[:, :, :3] = Rotation.from_euler("y", yaws[:, None]).as_matrix()
+    poses[:, 2, 3] = step * np.arange(count)
     return poses

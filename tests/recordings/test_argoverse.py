@@ -72,9 +72,8 @@ def test_images_are_rectified_by_the_calibration(folders):
     random = np.random.default_rng(0)
     points = random.uniform((-3.0, -2.0, 8.0), (3.0, 1.0, 30.0), (50, 3))
     seen = []
-    for homography, turn, x in zip(
-        (rectification.left, rectification.right), MOUNTED, (0.0, 0.5), strict=True
-    ):
+    sides = (rectification.left, rectification.right)
+    for homography, turn, x in zip(sides, MOUNTED, (0.0, 0.5), strict=True):
         in_file = (points - (x, 0.0, 0.0)) @ turn.as_matrix()
         in_file = in_file / in_file[:, 2:] * 150.0 + (78.0, 40.0, -149.0)
         in_pair = in_file @ np.reshape(homography, (3, 3)).T
@@ -137,10 +136,8 @@ def test_labels_without_points_hidden_or_at_the_border_do_not_count(folders, cop
     found = find_recording(source(copy))
     assert not truth_of(found).scored.any()
     tracks = read_labels(found.label_files, found.tables)
-    assert {track: labels.kind for track, labels in tracks.items()} == {
-        TARGET: "Car",
-        "near": "Pedestrian",
-    }
+    kinds = {track: labels.kind for track, labels in tracks.items()}
+    assert kinds == {TARGET: "Car", "near": "Pedestrian"}
     assert not tracks["near"].occluded.any()
     # So near that its foot is below the image.
     write_table(file, annotations(folders[0], share=0.35))

@@ -11,15 +11,9 @@ from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 
 def test_the_sizes_of_cars_are_those_of_the_labels():
     files = sorted((real_data("kitti_tracking") / "training" / "label_02").glob("*.txt"))
-    sizes = np.array(
-        [
-            labels.sizes[-1, [2, 1]]
-            for file in files
-            if file.stem != "0005"
-            for labels in read_labels(file).values()
-            if CLASS_OF_KITTI_TYPE.get(labels.kind) == "car"
-        ]
-    )
+    labels = [one for f in files if f.stem != "0005" for one in read_labels(f).values()]
+    cars = [one for one in labels if CLASS_OF_KITTI_TYPE.get(one.kind) == "car"]
+    sizes = np.array([one.sizes[-1, [2, 1]] for one in cars])
     mean, std = sizes.mean(axis=0), sizes.std(axis=0)
     print(f"\n{len(sizes)} cars and vans: {mean} m, relative standard deviations {std / mean}")
     values = [one["set"] for one in values_beside_groups("recorded")["source"]["values"]]

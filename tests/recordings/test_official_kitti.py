@@ -111,20 +111,14 @@ def test_a_raw_drive_without_labels_or_packets(clip, tmp_path):
 
 
 ENTITIES = '<!DOCTYPE a [<!ENTITY x "xxx"><!ENTITY y "&x;&x;">]><a>&y;</a>'
-IMU, VELODYNE, CAMERAS = (
-    f"../calib_{name}.txt" for name in ("imu_to_velo", "velo_to_cam", "cam_to_cam")
-)
+IMU, VELODYNE, CAMERAS = map("../calib_{}.txt".format, ("imu_to_velo", "velo_to_cam", "cam_to_cam"))
 LABELS, PACKET = "tracklet_labels.xml", "oxts/data/0000000002.txt"
 DAMAGE = {
     "entities": (LABELS, lambda text: ENTITIES, "must declare no entities"),
     "no XML": (LABELS, lambda text: text[:500], "not valid XML: "),
     "no size": (LABELS, lambda text: text.replace("<h>", "<h>-"), "width and length must"),
     "words": (LABELS, lambda text: text.replace("<tx>", "<tx>about", 1), "row 1: 'about"),
-    "no value": (
-        LABELS,
-        lambda text: text.replace("<rz>", "<rx>").replace("</rz>", "</rx>"),
-        "tracklet 0: row 1: '' is not a number",
-    ),
+    "no value": (LABELS, lambda text: text.replace("rz>", "rx>"), "row 1: '' is not a number"),
     "no track": (LABELS, lambda text: "<a/>", "has no track 0; it has none"),
     "short packet": (PACKET, lambda text: text[:200], "30 columns are needed"),
     "empty packet": (PACKET, lambda text: "", "must have one row of 30"),

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,9 +47,8 @@ LABEL = "Car 0.00 0 0.0 100.0 50.0 200.0 100.0 1.5 1.8 4.0 0.0 1.6 11.0 -1.5708"
 @pytest.fixture(scope="module")
 def images():
     """Left, right and disparity of a street with two boxes; the images are `OFFSET` px off."""
-    return stereo_view(
-        replace(RIG, disparity_error=(OFFSET, 0.0, 0.0)), poses_ahead(1, 1.0)[0], BOXES
-    )
+    rig = replace(RIG, disparity_error=(OFFSET, 0.0, 0.0))
+    return stereo_view(rig, poses_ahead(1, 1.0)[0], BOXES)
 
 
 @pytest.fixture(scope="module")
@@ -57,23 +56,25 @@ def pair(images, tmp_path_factory):
     """Folder of the pair in the layout of the stereo benchmark of 2012."""
     folder = tmp_path_factory.mktemp("pair")
     left, right, disparity = images
-    written = {
-        "image_0/000007_10.png": left,
-        "image_1/000007_10.png": right,
-        "disp_occ/000007_10.png": np.rint(256.0 * disparity).astype(np.uint16),
-    }
+    written = {"image_0": left, "image_1": right}
+    written["disp_occ"] = np.rint(256.0 * disparity).astype(np.uint16)
     for name, image in written.items():
-        (folder / name).parent.mkdir()
-        (folder / name).write_bytes(encode_png(image))
+        (folder / name).mkdir()
+        (folder / name / "000007_10.png").write_bytes(encode_png(image))
     (folder / "calib").mkdir()
     (folder / "calib" / "000007.txt").write_text(calibration_text(RIG))
     return folder
 
 
+def files_of(pair):
+    """Left and right image, true disparities and calibration."""
+    images = [f"{pair}/{name}/000007_10.png" for name in ("image_0", "image_1", "disp_occ")]
+    return [*images, f"{pair}/calib/000007.txt"]
+
+
 def source(folder, sequence="7"):
-    return KittiPair(
-        kind="kitti_pair", folder=str(folder), frames=None, sample_time=0.1, sequence=sequence
-    )
+    given = {"folder": str(folder), "frames": None, "sample_time": 0.1}
+    return KittiPair(kind="kitti_pair", sequence=sequence, **given)
 
 
 def test_the_pair_of_a_benchmark_is_found_and_needs_no_poses(pair):
@@ -125,11 +126,9 @@ def test_true_disparities_are_read_and_a_wrong_file_is_refused(pair, images, tmp
 
 def test_an_empty_name_or_a_jpeg_is_no_file_of_disparities(pair, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    images = (
-        f"source.left={pair}/image_0/000007_10.png",
-        f"source.right={pair}/image_1/000007_10.png",
-    )
-    named = ("source=pair", *images, f"source.calibration={pair}/calib/000007.txt")
+    left, right, _, calibration = files_of(pair)
+    named = ("source=pair", f"source.left={left}", f"source.right={right}")
+    named += (f"source.calibration={calibration}",)
     with pytest.raises(UserError, match=r"\.: "):
         compose([*named, "source.disparity=''"])
     (tmp_path / "true.jpg").write_bytes(b"\xff\xd8\xff")
@@ -137,17 +136,14 @@ def test_an_empty_name_or_a_jpeg_is_no_file_of_disparities(pair, tmp_path, monke
         compose([*named, f"source.disparity={tmp_path}/true.jpg"])
 
 
-def test_assess_measures_errors_and_obstacles(pair, tmp_path, monkeypatch, capsys):
+def test_assess_measures_errors_and_obstacles(pair, tmp_path, monkeypatch, capsys, told):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "labels.txt").write_text(f"{LABEL}\n")
-    left, right, truth = (
-        str(pair / name / "000007_10.png") for name in ("image_0", "image_1", "disp_occ")
-    )
-    given = ["assess", left, right, "--calib", str(pair / "calib" / "000007.txt")]
+    left, right, truth, calibration = files_of(pair)
+    given = ["assess", left, right, "--calib", calibration]
     given += ["--disparity", truth, "--labels", "labels.txt", "executor=threads"]
-    assert main([*given, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(told(*given, "--json"))
     values = found["values"]
     # Measured although the results are in the cache, or were compiled by this run.
     assert all(0.0 < found["seconds"][name] < 60.0 for name in ("match", "free_space", "stixels"))
@@ -204,32 +200,22 @@ def test_rows_that_are_apart_are_said_once_or_refused(pair, images, tmp_path, mo
         compose([*given[2:], "source=pair", *(f"source.{key}={file}" for key, file in named)])
 
 
-def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch, capsys):
+def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch, told):
     monkeypatch.chdir(tmp_path)
-    left, right, truth = (
-        str(pair / name / "000007_10.png") for name in ("image_0", "image_1", "disp_occ")
-    )
-    calibration = str(pair / "calib" / "000007.txt")
-    found = stixels_from_pair(
-        grey(read_image(Path(left))), grey(read_image(Path(right))), calibration
-    )
+    left, right, truth, calibration = files_of(pair)
+    images = [grey(read_image(Path(file))) for file in (left, right)]
+    found = stixels_from_pair(*images, calibration)
     found.to_frame().to_csv("ours.csv", index=False)
     given = ["stixels", left, right, "--rig", calibration, "executor=threads"]
     assert main([*given, "--output", "written"]) == 0
     assert [file.name for file in sorted(Path("written").iterdir())] == ["k0000.png", "stixels.csv"]
-    written = pandas.read_csv("written/stixels.csv")
-    pandas.testing.assert_frame_equal(
-        written.drop(columns="k"), found.to_frame(), check_dtype=False
-    )
-    assert main([*given, "--output", "written"]) == 2
-    assert "written exists and is not overwritten" in capsys.readouterr().err
+    written = pandas.read_csv("written/stixels.csv").drop(columns="k")
+    pandas.testing.assert_frame_equal(written, found.to_frame(), check_dtype=False)
+    assert "written exists and is not overwritten" in told(*given, "--output", "written", code=2)
     given = ["assess", left, right, "--calib", calibration, "--disparity", truth]
     given += ["executor=threads", "--json"]
-    scores = []
-    for more in ([], ["--stixels", "ours.csv"]):
-        assert main([*given, *more]) == 0
-        scores.append(json.loads(capsys.readouterr().out)["values"])
-    ours, theirs = scores
+    ways = ([], ["--stixels", "ours.csv"])
+    ours, theirs = (json.loads(told(*given, *more))["values"] for more in ways)
     assert theirs["stixels"] == len(found) and theirs["found_share"] > 0.9
     # A file does not state what is unknown.
     of_the_file = {name: value for name, value in theirs.items() if value is not None}
@@ -237,13 +223,12 @@ def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch
     assert ours.keys() - of_the_file.keys() == unknown
     near = {name: ours.pop(name) - theirs.pop(name) for name in ("near_called_free", "free_share")}
     assert near["near_called_free"] <= 0
-    assert {name: ours[name] for name in of_the_file if name in ours} == pytest.approx(
-        {name: value for name, value in of_the_file.items() if name in ours}
-    )
+    both = ours.keys() & of_the_file.keys()
+    assert [ours[name] for name in both] == pytest.approx([of_the_file[name] for name in both])
     wide = found.to_frame().assign(right=RIG.width + 1)
     wide.to_csv("wide.csv", index=False)
-    assert main([*given, "--stixels", "wide.csv"]) == 2
-    assert f"--stixels: reach over {RIG.width + 1} × " in capsys.readouterr().err
+    said = told(*given, "--stixels", "wide.csv", code=2)
+    assert f"--stixels: reach over {RIG.width + 1} × " in said
 
 
 def stixel_at(left, disparity, top, base):
@@ -283,10 +268,8 @@ def test_a_column_is_found_if_one_of_its_stixels_is_no_outlier():
     for stixels, columns in ((right, [60, 61, 62]), (wrong, [])):
         found = np.flatnonzero(found_columns(stixels, 0, obstacles, RIG))
         assert found.tolist() == columns
-    both = Stixels(0, np.array([0, 2]), *(
-        np.concatenate([getattr(one, name) for one in (wrong, right)])
-        for name in [field.name for field in fields(Stixels)][2:]
-    ))  # fmt: skip
+    pairs = zip([*vars(wrong).values()][2:], [*vars(right).values()][2:], strict=True)
+    both = Stixels(0, np.array([0, 2]), *map(np.concatenate, pairs))
     assert found_columns(both, 0, obstacles, RIG).sum() == 3
     nearest = nearest_disparity(both, 0, RIG.width)
     assert np.nanmax(nearest) == np.nanmin(nearest) == 30.0 and np.isfinite(nearest).sum() == 3
@@ -342,11 +325,9 @@ def test_an_obstacle_is_called_free_unless_it_is_found_or_its_place_is_unknown()
 def test_a_near_van_without_texture_is_unknown_and_not_free(depth):
     """Its bonnet has no match of its own, and a tree is seen through the windows above it."""
     van, tree = (-1.0, 0.9, depth, 1.1, True), (-0.5, 0.5, 15.0, 5.0)
-    random, images = np.random.default_rng(0), []
-    for image in stereo_view(RIG, poses_ahead(1, 0.0)[0], [van, tree])[:2]:
-        noisy = image + random.normal(0.0, 1.0, image.shape)
-        images.append(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
-    found = stixels_from_pair(*images, RIG)
+    views = np.array(stereo_view(RIG, poses_ahead(1, 0.0)[0], [van, tree])[:2])
+    noisy = views + np.random.default_rng(0).normal(0.0, 1.0, views.shape)
+    found = stixels_from_pair(*np.clip(np.rint(noisy), 0, 255).astype(np.uint8), RIG)
     x = depth * (np.arange(RIG.width) - RIG.u0) / RIG.focal
     obstacles = np.where((x > van[0]) & (x < van[1]), depth, np.nan)
     assert not called_free(found.free_space, 0, obstacles, RIG, 6.0).any()

@@ -49,10 +49,9 @@ def test_the_folder_above_training_will_do(clip, tmp_path):
 
 
 def test_frames_are_those_that_images_labels_and_poses_have(copy):
-    labels = copy / "label_02" / "0003.txt"
-    labels.write_text("".join(labels.read_text().splitlines(keepends=True)[1:]))
-    poses = copy / "ego_poses" / "0003.txt"
-    poses.write_text("".join(poses.read_text().splitlines(keepends=True)[:4]))
+    for name, kept in (("label_02", slice(1, None)), ("ego_poses", slice(4))):
+        file = copy / name / "0003.txt"
+        file.write_text("".join(file.read_text().splitlines(keepends=True)[kept]))
     assert find_recording(tracking(copy)).frames == range(1, 4)
     assert find_recording(tracking(copy, frames="2:4")).frames == range(2, 4)
     with pytest.raises(UserError, match=r"source\.frames: 0:3 is not within 1:5, the frames of tr"):
@@ -82,13 +81,9 @@ def test_a_later_first_frame_is_the_world(clip):
 
 def test_labels_are_in_the_frame_of_camera_0_and_the_rig_is_camera_2(copy):
     calibration = copy / "calib" / "0003.txt"
-    rows = calibration.read_text().splitlines()
     # Camera 2 is 0.06 m to the left of camera 0, camera 3 is 0.44 m to the right of it.
     for i, shift in ((2, 0.06), (3, -0.44)):
-        words = rows[i].split()
-        words[4] = repr(150.0 * shift)
-        rows[i] = " ".join(words)
-    calibration.write_text("\n".join(rows))
+        put(i, 4, repr(150.0 * shift))(calibration)
     found = read_calibration(calibration, ("P2", "P3"))
     assert found.baseline == pytest.approx(0.5)
     assert found.left_camera == pytest.approx((-0.06, 0.0, 0.0))
@@ -98,9 +93,9 @@ def test_labels_are_in_the_frame_of_camera_0_and_the_rig_is_camera_2(copy):
 
 def test_occluded_truncated_and_missing_labels_do_not_count(copy):
     labels = copy / "label_02" / "0003.txt"
-    rows = [row.split() for row in labels.read_text().splitlines()]
-    rows[0][3], rows[3][4] = "1", "2"
-    labels.write_text("\n".join(" ".join(row) for i, row in enumerate(rows) if i != 2))
+    put(0, 3, "1")(labels)
+    put(3, 4, "2")(labels)
+    labels.write_text("\n".join(np.delete(labels.read_text().splitlines(), 2)))
     found = truth_of(find_recording(tracking(copy)))
     assert found.scored.tolist() == [False, True, False, False, True]
     assert np.isnan(found.target_poses_world[2]).all() and np.isnan(found.target_rates_world[2, 0])
@@ -137,10 +132,7 @@ def test_pairs_are_those_of_their_frames(clip):
     assert (pairs.right[0] == grey(read_image(recording.right[2]))).all()
 
 
-def _cut(path, row):
-    lines = path.read_text().splitlines()
-    lines[row] = " ".join(lines[row].split()[:-3])
-    path.write_text("\n".join(lines))
+SHORT = put(2, slice(-3, None), [])
 
 
 def _swap(path):
@@ -152,19 +144,19 @@ def _swap(path):
 
 RIGHT, LABELS = "image_03/0003/000003.png", "label_02/0003.txt"
 CALIBRATION, POSES = "calib/0003.txt", "ego_poses/0003.txt"
-PIXELS = np.zeros((96, 160), dtype=np.uint8)
+
 DAMAGE = {
     "no right image": (RIGHT, missing, "the image of frame 3 is missing"),
     "no right images": ("image_03", shutil.rmtree, "image_03/0003: no such folder"),
     "Git LFS pointer": (RIGHT, GIT_LFS, "000003.png: a Git LFS pointer"),
     "other size": (
         RIGHT,
-        lambda f: f.write_bytes(encode_png(PIXELS[:90])),
+        lambda f: f.write_bytes(encode_png(np.zeros((90, 160), np.uint8))),
         "000003.png: 160 × 90 px, but the images before have 160 × 96 px",
     ),
     "text": (RIGHT, text("an image"), "000003.png: not a PNG image"),
-    "empty image": (RIGHT, lambda f: f.write_bytes(b""), "000003.png: not a PNG image"),
-    "short label": (LABELS, lambda f: _cut(f, 2), "row 3: 17 columns are needed, got 14"),
+    "empty image": (RIGHT, cut(0), "000003.png: not a PNG image"),
+    "short label": (LABELS, SHORT, "row 3: 17 columns are needed, got 14"),
     "label of words": (LABELS, put(1, 13, "near"), "row 2: 'near' is not a number"),
     "label NaN": (LABELS, put(1, 13, "nan"), "row 2: nan must be within ±1e+09"),
     "label size": (LABELS, put(0, 11, "0"), "row 1: height, width and length must"),
@@ -172,7 +164,7 @@ DAMAGE = {
     "no labels": (LABELS, missing, "0003.txt is missing"),
     "binary labels": (LABELS, lambda f: f.write_bytes(b"\xff\xfe\x00"), "not a text in UTF-8"),
     "other target": (LABELS, text(""), "has no track 0"),
-    "short pose": (POSES, lambda f: _cut(f, 2), "row 3: 12 columns are needed, got 9"),
+    "short pose": (POSES, SHORT, "row 3: 12 columns are needed, got 9"),
     "pose NaN": (POSES, put(2, 3, "inf"), "row 3: inf must be within ±1e+09"),
     "pose too large": (POSES, put(2, 0, "1e308"), "row 3: 1e308 must be within"),
     "label too large": (LABELS, put(1, 13, "-1e300"), "row 2: -1e300 must be"),
@@ -181,7 +173,7 @@ DAMAGE = {
     "no pose": (POSES, text("\n"), "0003.txt: has no poses"),
     "no baseline": (CALIBRATION, put(3, 4, "0.0"), "no baseline: P3 is 0 m to the right of P2"),
     "not rectified": (CALIBRATION, put(3, 1, "151"), "P2 and P3 are not rectified"),
-    "short calibration": (CALIBRATION, lambda f: _cut(f, 2), "row 3: 12 columns are needed, got 9"),
+    "short calibration": (CALIBRATION, SHORT, "row 3: 12 columns are needed, got 9"),
     "no projection": (CALIBRATION, text("P2: 1"), "row 1: 12 columns are needed"),
     "no calibration": (CALIBRATION, missing, "0003.txt is missing"),
 }
@@ -233,11 +225,8 @@ def test_poses_in_space_give_pitch_and_height_but_a_slope_gives_none():
     # A frame knows nothing of later ones.
     np.testing.assert_array_equal(rocking(poses[:50], np.eye(3)), np.array(found)[:, :50])
     # The camera's own pitch is that of the rig.
-    np.testing.assert_allclose(
-        rocking(poses, small_rig(pitch=1.0).level_from_camera)[0][after],
-        found[0][after] - np.radians(1.0),
-        atol=1e-3,
-    )
+    level = rocking(poses, small_rig(pitch=1.0).level_from_camera)[0]
+    np.testing.assert_allclose(level[after], found[0][after] - np.radians(1.0), atol=1e-3)
     assert not rocking(poses[:8], np.eye(3))[0].any()
 
 
@@ -332,11 +321,9 @@ def test_jpeg_files_are_taken_in_every_layout(clip, copy):
         # A PNG beside it is preferred.
         if file.stem != "000000":
             file.unlink()
-    recording = find_recording(tracking(copy))
-    assert [file.suffix for file in recording.left] == [".png"] + 4 * [".JPG"]
-    found, exact = (
-        read_pairs(one.images, range(5)) for one in (recording, find_recording(tracking(clip)))
-    )
+    recordings = [find_recording(tracking(folder)) for folder in (copy, clip)]
+    assert [file.suffix for file in recordings[0].left] == [".png"] + 4 * [".JPG"]
+    found, exact = (read_pairs(one.images, range(5)) for one in recordings)
     differences = [np.abs(found.left[k].astype(int) - exact.left[k]) for k in range(5)]
     assert differences[0].max() == 0 and 0 < np.mean(differences[1]) < 2
 

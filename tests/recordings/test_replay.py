@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from damages import put
 from made_clip import HEIGHT, small_rig, small_scenario
 from real_data import real_data
+from refusals import refused
 
 from stixel_cli import compose
 from stixel_cli.cli.app import main
@@ -49,13 +51,10 @@ def of(folder, *more):
     return [*(one for one in given if one.partition("=")[0] not in typed - {"path"}), *more]
 
 
-def stages_of(folder, *more):
-    return {s.name: s for s in pipeline_stages(compose(of(folder, *more)))}
-
-
 def replayed(folder, *more):
     """The scenario that the stages make."""
-    stages = stages_of(folder, "measurement=fabricated", *more)
+    made = compose(of(folder, "measurement=fabricated", *more))
+    stages = {one.name: one for one in pipeline_stages(made)}
     ego, truth = stages["ego_motion"], stages["scenario"]
     motion = recorded_motion(ego.files, **ego.settings)
     return replayed_scenario(motion, truth.files, **truth.settings)
@@ -107,11 +106,9 @@ def test_rates_are_the_derivatives_of_the_poses(tmp_path):
     make_motion(tmp_path, 40)
     labels = tmp_path / "label_02" / f"{SEQUENCE}.txt"
     random = np.random.default_rng(4)
-    rows = [row.split() for row in labels.read_text().splitlines()]
-    for row in rows:
-        row[13] = str(float(row[13]) + random.normal(0.0, 0.1))
-        row[16] = str(float(row[16]) + random.normal(0.0, 0.05))
-    labels.write_text("\n".join(" ".join(row) for row in rows))
+    for i, row in enumerate(labels.read_text().splitlines()):
+        for column, std in ((13, 0.1), (16, 0.05)):
+            put(i, column, str(float(row.split()[column]) + random.normal(0.0, std)))(labels)
     found = replayed(tmp_path)
     numeric = np.gradient(found.target_poses_world, 0.1, axis=0)
     np.testing.assert_allclose(numeric[1:-1], found.target_rates_world[1:-1], atol=0.02)
@@ -138,10 +135,8 @@ WRONG = {
 
 @pytest.mark.parametrize(("override", "said"), WRONG.items())
 def test_wrong_input_is_refused_in_one_line(override, said, motion):
-    with pytest.raises(UserError) as caught:
+    with refused(said, match="^(?!.*more fault)"):
         compose(of(motion, override))
-    assert said in str(caught.value) and "\n" not in str(caught.value)
-    assert "more fault" not in str(caught.value)
 
 
 def test_a_wrong_folder_and_a_label_without_a_class_are_named(motion, tmp_path):
@@ -162,13 +157,10 @@ def test_images_are_rendered_along_the_way(motion, tmp_path, capsys):
     tiny = ("rig.width=160", "rig.height=96", "rig.focal_length=150", "stereo.nearest=1.6")
     tiny += ("occupancy.nearest=3", "path.frames=0:5", "pictures.frames=[3]")
     words = of(motion, *tiny, "executor=threads")
-    assert main(["run", *words, "--results", str(tmp_path), "--name", "one"]) == 0, (
-        capsys.readouterr().err
-    )
-    with (
-        np.load(tmp_path / "one" / "truth.npz") as truth,
-        np.load(tmp_path / "one" / "track.npz") as track,
-    ):
+    code = main(["run", *words, "--results", str(tmp_path), "--name", "one"])
+    assert code == 0, capsys.readouterr().err
+    truth, track = (np.load(tmp_path / "one" / f"{name}.npz") for name in ("truth", "track"))
+    with truth, track:
         away = np.hypot(track["means"][:, 0] - truth["x"], track["means"][:, 1] - truth["y"])
     assert away.max() < 1.0
     assert main(["run", str(tmp_path / "one"), "--results", str(tmp_path)]) == 0

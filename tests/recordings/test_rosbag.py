@@ -40,19 +40,11 @@ def plain(clip, folder):
     return find_recording(replace(plain_folder(clip, folder), target=None, frames="1:5"))
 
 
-@pytest.mark.parametrize(
-    ("name", "encoding", "plugin"),
-    [
-        ("drive", "mono8", "mcap"),
-        ("drive", "rgba8", "sqlite3"),
-        ("drive", "png", "sqlite3"),
-        ("drive.bag", "bgr8", ""),
-        ("drive.mcap", "mono8", "mcap"),
-        ("drive", "mono16", "mcap"),
-        ("drive", "16UC3", "mcap"),
-        ("drive", "32FC1", "mcap"),
-    ],
-)
+WAYS = [("drive", "rgba8", "sqlite3"), ("drive", "png", "sqlite3"), ("drive.bag", "bgr8", "")]
+WAYS += [("drive", encoding, "mcap") for encoding in ("mono8", "mono16", "16UC3", "32FC1")]
+
+
+@pytest.mark.parametrize(("name", "encoding", "plugin"), [*WAYS, ("drive.mcap", "mono8", "mcap")])
 def test_a_bag_has_the_images_and_poses_of_the_folder_it_was_made_from(
     name, encoding, plugin, clip, tmp_path
 ):
@@ -72,11 +64,11 @@ def test_a_bag_has_the_images_and_poses_of_the_folder_it_was_made_from(
     assert (ours.left.encoded, ours.right.encoded) == (theirs.left.encoded, theirs.right.encoded)
     left = read_left(found.left, 2, None, found.messages)
     assert left.encoded == read_left(there.left, 2).encoded
-    motions = [
-        recorded_motion(one.pose_files, one.tables, 4, 0.1, small_rig()) for one in (found, there)
-    ]
-    np.testing.assert_allclose(motions[0].poses_world, motions[1].poses_world, atol=1e-6)
-    assert np.ptp(motions[0].poses_world[:, 1]) > 0.5
+    both = [(one.pose_files, one.tables) for one in (found, there)]
+    motions = [recorded_motion(*files, 4, 0.1, small_rig()) for files in both]
+    poses, expected = (motion.poses_world for motion in motions)
+    np.testing.assert_allclose(poses, expected, atol=1e-6)
+    assert np.ptp(poses[:, 1]) > 0.5
 
 
 def run(capsys, *words):
@@ -95,10 +87,8 @@ def test_a_bag_runs_as_the_folder_it_was_made_from(bag, clip, tmp_path, monkeypa
     found = run(capsys, *words, "--name", "found")
     for name, value in there["metrics"].items():
         assert found["metrics"][name] == pytest.approx(value, rel=1e-6), name
-    ours, theirs = (
-        np.genfromtxt(f"results/{name}/track.csv", delimiter=",", names=True)
-        for name in ("found", "there")
-    )
+    files = [f"results/{name}/track.csv" for name in ("found", "there")]
+    ours, theirs = (np.genfromtxt(file, delimiter=",", names=True) for file in files)
     np.testing.assert_allclose(ours.tolist(), theirs.tolist(), rtol=1e-5, atol=1e-6)
     # In the cache as any recording: moved, it is the same.
     shutil.move(bag, "moved")
@@ -120,47 +110,37 @@ def said_of(capsys, folder, *words):
     return said
 
 
-def without(topic):
-    return lambda content: [one for one in content if one[0] != topic]
+def without(topic, where=lambda one: True):
+    return lambda content: [one for one in content if one[0] != topic or not where(one)]
 
 
 def edited(topic, **changes):
     def edit(content):
-        return [
-            (*head, fields | changes if head[0] == topic else fields) for *head, fields in content
-        ]
+        given = ((head, changes if head[0] == topic else {}, fields) for *head, fields in content)
+        return [(*head, fields | own) for head, own, fields in given]
 
     return edit
 
 
 LEFT, INFO_LEFT = IMAGE.format("left"), INFO.format("left")
+OF_LEFT = np.array([150.0, 0, 78, 0, 0, 150, 40, 0, 0, 0, 1, 0])
 CONTENT = {
     "no such topic": (without(LEFT), f"{LEFT}, .*no such topic.*; it has /stereo/right/image_rect"),
     "no camera_info": (without(INFO_LEFT), f"{INFO_LEFT}: no such topic of sensor_msgs/msg/"),
     "no odometry": (without(ODOMETRY), "/odom: no such topic of .*/Odometry; it has none"),
     "no transforms": (without(STATIC), "/tf_static: no such topic of tf2_msgs/msg/TFMessage"),
-    "another base": (
-        edited(ODOMETRY, child_frame_id="wheel"),
-        "/tf_static has no transforms from wheel.* to left_optical",
-    ),
+    "another base": (edited(ODOMETRY, child_frame_id="wheel"), "from wheel.* to left_optical"),
     "not calibrated": (edited(INFO_LEFT, p=np.zeros(12)), "not a camera's projection"),
-    "no baseline": (
-        edited(INFO.format("right"), p=np.array([150.0, 0, 78, 0, 0, 150, 40, 0, 0, 0, 1, 0])),
-        "no baseline",
-    ),
+    "no baseline": (edited(INFO.format("right"), p=OF_LEFT), "no baseline"),
     "other size": (edited(INFO_LEFT, width=640), r"160.* px, but camera_info has \(640, 96\)"),
     "other encoding": (edited(LEFT, encoding="bayer_rggb8"), "encoding bayer_rggb8: must be mono"),
     "short image": (edited(LEFT, data=np.zeros(99, np.uint8)), f"{LEFT}: a damaged image: 99 byt"),
     "no pair": (
-        lambda content: [one for one in content if one[0] != LEFT or one[1] < START + STEP],
+        without(LEFT, lambda one: one[1] >= START + STEP),
         "no pair of images at one time",
     ),
     "gap": (
-        lambda content: [
-            one
-            for one in content
-            if one[0] != LEFT or one[3]["header"] != header(START + 2 * STEP, "left_optical")
-        ],
+        without(LEFT, lambda one: one[3]["header"] == header(START + 2 * STEP, "left_optical")),
         "source.frames: frames 0 and 1 of .* 0.200 s apart, but source.sample_time is 0.1",
     ),
 }
@@ -194,7 +174,6 @@ def test_a_wrong_file_is_refused_in_one_line(plugin, name, damage, said, clip, t
     assert re.search(said, said_of(capsys, bag))
 
 
-def test_without_rosbags_a_line_says_how_to_install_it(bag, monkeypatch, capsys):
+def test_without_rosbags_a_line_says_how_to_install_it(bag, monkeypatch, told):
     monkeypatch.setitem(sys.modules, "rosbags", None)
-    assert main(["run", f"source.folder={bag}"]) == 2
-    assert "pip install 'stixel[rosbag]'" in capsys.readouterr().err
+    assert "pip install 'stixel[rosbag]'" in told("run", f"source.folder={bag}", code=2)

@@ -16,16 +16,12 @@ from stixel_cli.recordings.kitti_tables import read_labels, read_poses
 from stixel_cli.recordings.parameters import LabelledFolder
 from stixel_cli.recordings.stereo_images import read_pairs
 
-POSE = (
-    "frame cameraID trackID alpha width height length world_space_X world_space_Y world_space_Z "
-    "rotation_world_space_y rotation_world_space_x rotation_world_space_z camera_space_X "
-    "camera_space_Y camera_space_Z rotation_camera_space_y rotation_camera_space_x "
-    "rotation_camera_space_z"
-)
-BOX = (
-    "frame cameraID trackID left right top bottom number_pixels truncation_ratio occupancy_ratio "
-    "isMoving"
-)
+PLACE = "{0}_space_X {0}_space_Y {0}_space_Z "
+PLACE += "rotation_{0}_space_y rotation_{0}_space_x rotation_{0}_space_z"
+POSE = "frame cameraID trackID alpha width height length "
+POSE += f"{PLACE.format('world')} {PLACE.format('camera')}"
+BOX = "frame cameraID trackID left right top bottom "
+BOX += "number_pixels truncation_ratio occupancy_ratio isMoving"
 
 
 def make_variation(clip, folder, baseline=0.5, sequence="0003"):
@@ -34,9 +30,8 @@ def make_variation(clip, folder, baseline=0.5, sequence="0003"):
         images = folder / f"frames/rgb/Camera_{i}"
         images.mkdir(parents=True)
         for file in sorted((clip / f"image_0{2 + i}" / sequence).iterdir()):
-            grey = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
-            colour = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-            cv2.imwrite(str(images / f"rgb_{int(file.stem):05d}.jpg"), colour)
+            name = f"rgb_{int(file.stem):05d}.jpg"
+            cv2.imwrite(str(images / name), cv2.imread(str(file), cv2.IMREAD_COLOR))
     poses = read_poses(clip / "ego_poses" / f"{sequence}.txt")
     extrinsic, intrinsic = ["frame cameraID r1,1 …"], ["frame cameraID K[0,0] K[1,1] …"]
     # Any world: its axes and its origin are not those of the first camera.
@@ -56,19 +51,12 @@ def make_variation(clip, folder, baseline=0.5, sequence="0003"):
         left, top, right, bottom = labels.boxes[row]
         x, y, z = labels.places[row]
         for i in (0, 1):
-            pose.append(
-                f"{k} {i} 4 0 {width} {height} {length} 0 0 0 0 0 0 {x - baseline * i} {y} {z} "
-                f"{labels.yaws[row]} 0 0"
-            )
+            place = f"{x - baseline * i} {y} {z} {labels.yaws[row]} 0 0"
+            pose.append(f"{k} {i} 4 0 {width} {height} {length} 0 0 0 0 0 0 {place}")
             box.append(f"{k} {i} 4 {left} {right} {top} {bottom} 900 0 0.85 True")
     info = ["trackID label model color", "4 Car Sedan4Door Black"]
-    for name, lines in (
-        ("extrinsic", extrinsic),
-        ("intrinsic", intrinsic),
-        ("pose", pose),
-        ("bbox", box),
-        ("info", info),
-    ):
+    files = {"extrinsic": extrinsic, "intrinsic": intrinsic, "pose": pose, "bbox": box}
+    for name, lines in (files | {"info": info}).items():
         (folder / f"{name}.txt").write_text("\n".join(lines) + "\n")
 
 
@@ -94,8 +82,7 @@ def source(folder, **changes):
 
 def test_a_variation_has_the_recording_of_the_clip_it_was_made_from(folders):
     clip, variation = folders
-    there = find_recording(tracking(clip))
-    found = find_recording(source(variation))
+    there, found = find_recording(tracking(clip)), find_recording(source(variation))
     assert guess_layout(variation) == "virtual_kitti"
     assert (found.frames, found.width, found.height) == (range(5), 160, 96)
     assert found.label == "Car" and found.first_box == there.first_box

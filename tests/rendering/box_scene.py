@@ -3,24 +3,14 @@
 import numpy as np
 from constants import with_constants
 
+from stixel_cli.geometry.pose import rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
 from stixel_cli.rendering.parameters import RaycastParameters
 from stixel_cli.scene.mesh import Mesh, Part
 from stixel_cli.scene.scenario import Scenario
 
-RIG = Rig(
-    width=128,
-    height=96,
-    horizontal_fov=60.0,
-    focal_length=None,
-    principal_u=60.5,
-    principal_v=50.25,
-    baseline=0.3,
-    camera_height=1.2,
-    pitch=2.0,
-    vertical_fov=None,
-)
+RIG = Rig(128, 96, 60.0, None, 60.5, 50.25, 0.3, camera_height=1.2, pitch=2.0, vertical_fov=None)
 RAYCAST = with_constants(RaycastParameters(kind="raycast"), samples=2)
 AHEAD = 0.5 * np.pi
 
@@ -76,5 +66,4 @@ def scenario(count: int = 4, moving: bool = False) -> Scenario:
     if moving:
         ego[:, 1], ego[:, 2] = 0.3 * k, AHEAD + 0.02 * k
     target = np.stack([-0.6 + 0.5 * k, 8.0 + 0.3 * k, 0.4 + 0.2 * k], axis=1)
-    outline = np.array([[1.5, 0.7], [-1.5, 0.7], [-1.5, -0.7], [1.5, -0.7]])
-    return Scenario(0.1 * k, ego, target, np.zeros((count, 3)), outline[None])
+    return Scenario(0.1 * k, ego, target, np.zeros((count, 3)), rectangle(3.0, 1.4)[None])

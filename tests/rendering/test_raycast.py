@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from projection import unproject
 
-from stixel_cli.rendering import placement, raycast, tracing
+from stixel_cli.rendering import placement, raycast, tracing, views
 from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID
 from stixel_cli.rendering.placement import NEAR, rig_cameras, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
@@ -44,7 +44,7 @@ def same(one, other) -> bool:
 
 
 @pytest.mark.parametrize("moving", [False, True])
-def test_frame_bytes_do_not_depend_on_chunk_or_partial_rendering(target, moving):
+def test_frame_bytes_do_not_depend_on_chunk_or_partial_rendering(target, moving, monkeypatch):
     motion = scenario(4, moving)
     chunk = StaticScene(objects(), RIG, RAYCAST)
     frames = [render_frame(chunk, target, motion, k) for k in range(4)]
@@ -52,7 +52,9 @@ def test_frame_bytes_do_not_depend_on_chunk_or_partial_rendering(target, moving)
         render_frame(StaticScene(objects(), RIG, RAYCAST), target, motion, k)
         for k in reversed(range(4))
     ][::-1]
-    whole = [render_frame(chunk, target, motion, k, whole=True) for k in range(4)]
+    all_pixels = (0, RIG.height, 0, RIG.width)
+    monkeypatch.setattr(views, "_touched_rectangles", lambda *_: (all_pixels, all_pixels))
+    whole = [render_frame(chunk, target, motion, k) for k in range(4)]
     for k in range(4):
         assert same(frames[k], alone[k])
         assert same(frames[k], whole[k])
@@ -97,8 +99,8 @@ def test_depth_and_ids_match_the_planes_and_objects(static, target):
     transform = RIG.world_from_camera(POSE)
     world = (camera @ transform[:3, :3].T + transform[:3, 3]).reshape(96, 128, 3)
     assert np.abs(world[ids == ROAD_ID][:, 2]).max() < 1e-9
-    wall = world[ids == 3]
-    assert np.abs(wall[wall[:, 2] < 5.9][:, 1] - 20.0).max() < 1e-9
+    house = world[ids == 3]
+    assert np.abs(house[house[:, 2] < 5.9][:, 1] - 20.0).max() < 1e-9
     # Every point of the target lies on its box or its antenna.
     pose = world_from_target_3d(scenario().target_poses_world[0])
     points = (world[ids == TARGET_ID] - pose[:3, 3]) @ pose[:3, :3]
@@ -116,12 +118,9 @@ def test_every_second_row_of_an_image_with_pixels_twice_as_tall(target):
     half = 2.0 * np.degrees(np.arctan(24.0 / (0.5 * square.focal)))
     tall = dataclasses.replace(square, height=48, principal_v=24.0, vertical_fov=half)
     assert tall.focal_v == pytest.approx(0.5 * square.focal)
-    left, _, depth, ids = render_frame(
-        StaticScene(objects(), square, RAYCAST), target, scenario(), 0
-    )
-    tall_left, _, tall_depth, tall_ids = render_frame(
-        StaticScene(objects(), tall, RAYCAST), target, scenario(), 0
-    )
+    scenes = [StaticScene(objects(), rig, RAYCAST) for rig in (square, tall)]
+    frames = [render_frame(scene, target, scenario(), 0) for scene in scenes]
+    (left, _, depth, ids), (tall_left, _, tall_depth, tall_ids) = frames
     assert (tall_ids == ids[::2]).mean() > 0.999  # a ray may just touch an edge
     alike = tall_ids == ids[::2]
     np.testing.assert_allclose(tall_depth[alike], depth[::2][alike], rtol=1e-6)
@@ -199,14 +198,15 @@ def test_distant_chequered_road_is_grey_without_moire():
     assert light.std() < 0.05 * light.mean()
 
 
+def wall(texture):
+    """18 m × 14 m, 12 m ahead, on which the texture repeats three times."""
+    return (quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], texture, 3.0),)
+
+
 def test_texture_is_averaged_over_the_pixel_area():
     """Brute force: many unfiltered samples in each pixel have the filter's mean and its values."""
     texture = speckle(9, 64)
-    static = StaticScene(
-        [(3, (quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], texture, 3.0),))],
-        replace(RIG, pitch=0.0),
-        RAYCAST,
-    )
+    static = StaticScene([(3, wall(texture))], replace(RIG, pitch=0.0), RAYCAST)
     view = static.views(POSE)[0]
     pixels = np.flatnonzero(view.ids == 3)[::37]
     v, u = np.divmod(pixels, 128)
@@ -227,8 +227,7 @@ def test_texture_is_averaged_over_the_pixel_area():
 
 def test_texture_of_the_target_is_nearer_to_the_mean_over_the_pixel(monkeypatch):
     """Against 16 × 16 samples in each pixel; the same wall once with plain mip-maps."""
-    wall = (quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], speckle(9, 256), 3.0),)
-    meshes = road(speckle(1)), wall
+    meshes = road(speckle(1)), wall(speckle(9, 256))
     bodies = tuple(Body(build_surfaces([(3, mesh)]), np.eye(4)) for mesh in meshes)
     shot = Shot(bodies, rig_cameras(RIG, POSE)[0])
     rows, columns = np.divmod(np.arange(96 * 128), 128)

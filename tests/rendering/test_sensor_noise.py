@@ -105,8 +105,7 @@ def test_frames_are_compressed_one_at_a_time(monkeypatch):
         monkeypatch.setattr(frames, name, encode)
     rendered = RenderedFrames.from_frames(5, frame_arrays())
     assert events == ["render", *["store"] * 5] * 3
-    assert len(rendered) == 3
-    assert rendered.left[2].max() == 2
+    assert len(rendered) == 3 and rendered.left[2].max() == 2
     assert np.all(rendered.depth(1) == 1.5)
 
 

@@ -92,10 +92,14 @@ def edges():
     pose = world_from_target_3d(scenario().target_poses_world[0])
     shot = Shot((static.body, Body(target.surfaces(0), pose)), camera)
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
-    hits = tracing.nearest(shot, columns.astype(float), rows.astype(float))
+    return shot, Centres(rows, columns, *seen(shot, columns, rows, 1.0))
+
+
+def seen(shot, u, v, spread):
+    """What is hit at pixels, whether the sun shines there, and the light."""
+    hits = tracing.nearest(shot, u.astype(float), v.astype(float))
     lit = tracing.sunlit(shot, hits, (0, 1))
-    light = tracing.light_of(shot, hits, lit, 1.0)
-    return shot, Centres(rows, columns, hits, lit, light)
+    return hits, lit, tracing.light_of(shot, hits, lit, spread)
 
 
 def brute_force(shot, centres, samples) -> np.ndarray:
@@ -103,9 +107,7 @@ def brute_force(shot, centres, samples) -> np.ndarray:
     right, down = sample_offsets(samples)
     u = np.add.outer(centres.columns, right).ravel()
     v = np.add.outer(centres.rows, down).ravel()
-    hits = tracing.nearest(shot, u, v)
-    lit = tracing.sunlit(shot, hits, (0, 1))
-    light = tracing.light_of(shot, hits, lit, 1.0 / samples)
+    _, _, light = seen(shot, u, v, 1.0 / samples)
     return light.reshape(len(centres.rows), -1, 3).mean(axis=1)
 
 
@@ -116,10 +118,8 @@ def test_more_samples_come_nearer_to_the_mean_over_the_pixel(edges):
     assert len(mixed) > 300
     centres, at_shadow = centres.at(mixed), np.zeros(len(mixed), dtype=bool)
     exact = brute_force(shot, centres, 12)
-    errors = [
-        np.sqrt(((supersampled(shot, centres, at_shadow, n) - exact) ** 2).mean())
-        for n in (1, 2, 4, 8)
-    ]
+    means = [supersampled(shot, centres, at_shadow, samples) for samples in (1, 2, 4, 8)]
+    errors = [np.sqrt(((mean - exact) ** 2).mean()) for mean in means]
     assert errors[1] < 0.6 * errors[0] and errors[2] < 0.6 * errors[1] and errors[3] < errors[2]
     # It is nearer than few samples that are all shaded.
     alone = brute_force(shot, centres, 2)
@@ -136,8 +136,7 @@ def test_a_shadows_edge_inside_a_triangle_is_blended(edges):
     some = centres.at(unlike)
     at_shadow = np.ones(len(unlike), dtype=bool)
     blended = supersampled(shot, some, at_shadow, 8)
-    before = np.abs(some.light - exact[unlike]).mean()
-    after = np.abs(blended - exact[unlike]).mean()
+    before, after = (np.abs(light - exact[unlike]).mean() for light in (some.light, blended))
     assert after < 0.5 * before
 
 

@@ -213,6 +213,8 @@ def test_page_uses_the_colours_of_the_figures():
     assert colours["field-of-view"] == style.FIELD_OF_VIEW
     # Those of several runs are told apart from the points that were used.
     assert style.USED not in {colours[f"run-{i}"] for i in range(4)} <= set(style.RUNS)
+    runs = re.findall(r"--run-(\d): (#[0-9a-f]{6})", template("page.css").partition("@media")[0])
+    assert [colour for _, colour in sorted(runs)] == [*style.RUNS]
     script = template("playback_camera.js") + template("playback_paths.js")
     hexes = re.findall(r'"([0-9a-f]{6})"', script)
     depths = np.geomspace(style.DEPTH_TICKS[0], style.DEPTH_TICKS[-1], len(hexes))

@@ -4,17 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from stixel_cli import load, run
-from stixel_cli.errors import FolderTaken, UserError
+from stixel_cli.errors import FolderTaken
 from stixel_cli.geometry.pose import ego_from_world, rotate_covariances
+from stixel_cli.results import tables
 from stixel_cli.results.folder import whole_folder, write_whole_folder
-from stixel_cli.results.tables import (
-    track_arrays,
-    track_columns,
-    track_in_ego_frame,
-    tracks_columns,
-)
+from stixel_cli.results.tables import track_arrays, track_columns
 from stixel_cli.tracking.track import ObjectTrack, Track
 
 
@@ -36,10 +33,7 @@ def test_a_folder_has_its_files_at_any_depth_and_is_replaced_only_on_request(tmp
 def test_a_failure_leaves_nothing_and_keeps_an_older_folder(tmp_path):
     write_whole_folder(tmp_path / "old", {"a": "1"})
     for name in ("new", "old"):
-        with (
-            pytest.raises(UserError, match="written: full"),
-            whole_folder(tmp_path / name, True) as partial,
-        ):
+        with refused("written: full"), whole_folder(tmp_path / name, True) as partial:
             (partial / "a").write_text("2")
             raise OSError("full")
     assert [path.name for path in tmp_path.iterdir()] == ["old"]
@@ -51,18 +45,9 @@ COUNT = 3
 
 @pytest.fixture
 def track():
-    return Track(
-        times=np.arange(COUNT) * 0.1,
-        means=np.zeros((COUNT, 6)),
-        covariances=np.tile(np.eye(6), (COUNT, 1, 1)),
-        contours_world=np.zeros((COUNT, 4, 2)),
-        contour_std=np.zeros((COUNT, 4)),
-        contour_directions=np.zeros((COUNT, 4)),
-        used_points=np.zeros(0, np.int64),
-        used_offsets=np.zeros(COUNT + 1, np.int64),
-        nis=np.zeros(COUNT),
-        nis_degrees_of_freedom=np.zeros(COUNT, np.int64),
-    )
+    states = np.zeros((COUNT, 6)), np.tile(np.eye(6), (COUNT, 1, 1))
+    contours = np.zeros((COUNT, 4, 2)), np.zeros((COUNT, 4)), np.zeros((COUNT, 4))
+    return Track.of_scans(0.1 * np.arange(COUNT), states, contours, [[]] * COUNT, np.zeros(COUNT))
 
 
 @pytest.mark.parametrize("table", [track_columns, track_arrays])
@@ -79,7 +64,7 @@ def test_a_track_without_probabilities_has_none_in_the_table_of_all(track, repla
     car = np.array([0.5, 0.7, 0.9])
     both = [track, track]
     both[replaced] = replace(track, class_probabilities={"car": car})
-    found = tracks_columns([ObjectTrack(0, 1, both[0]), ObjectTrack(5, 9, both[1])])
+    found = tables.tracks_columns([ObjectTrack(0, 1, both[0]), ObjectTrack(5, 9, both[1])])
     np.testing.assert_array_equal(found["k"], [0, 1, 2, 5, 6, 7])
     np.testing.assert_array_equal(found["car_probability"][found["track"] == replaced], car)
     assert np.isnan(found["car_probability"][found["track"] != replaced]).all()
@@ -123,7 +108,8 @@ def test_points_and_states_are_those_of_the_world_seen_from_the_car(result):
 def test_an_unknown_rate_leaves_the_place_known(result):
     means = result.track.means.copy()
     means[:, 3] = np.nan
-    ego = track_in_ego_frame(replace(result.track, means=means), result.scenario.ego_poses_world)
+    unknown = replace(result.track, means=means)
+    ego = tables.track_in_ego_frame(unknown, result.scenario.ego_poses_world)
     known = result.ego_tables["track"]
     assert np.isnan(ego["x_rate"]).all()
     for name in ("x", "y", "heading", "std_x", "std_x_rate"):
@@ -131,12 +117,12 @@ def test_an_unknown_rate_leaves_the_place_known(result):
 
 
 def test_a_folder_gives_the_same(result):
-    tables = load(result.folder).ego_tables
+    loaded = load(result.folder).ego_tables
     for name, table in result.ego_tables.items():
-        assert list(table) == list(tables[name])
+        assert list(table) == list(loaded[name])
         for column, values in table.items():
-            np.testing.assert_array_equal(tables[name][column], values)
+            np.testing.assert_array_equal(loaded[name][column], values)
     poses = result.scenario.ego_poses_world.T
-    np.testing.assert_array_equal([tables["ego"][c] for c in ("x", "y", "heading")], poses)
+    np.testing.assert_array_equal([loaded["ego"][c] for c in ("x", "y", "heading")], poses)
     rows = (result.folder / "ego.csv").read_text().splitlines()
     assert rows[0] == "k,t,x,y,heading" and len(rows) == 6

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.graph import GraphBuilder
@@ -17,24 +18,11 @@ from stixel_cli.scene.mesh_file import load_mesh, mesh_doubt, referred_files
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_meshes
 
-WEDGE = """{header}v 1 1 3
-v 3 1 3
-v 1 2 3
-v 1 1 4
-{uvs}f {f1}
-f {f2}
-f {f3}
-f {f4}
-"""
-
 
 def wedge(header="", uvs="", corner="{0}"):
     faces = [(1, 3, 2), (1, 2, 4), (2, 3, 4), (3, 1, 4)]
-    texts = {
-        f"f{i + 1}": " ".join(corner.format(vertex) for vertex in face)
-        for i, face in enumerate(faces)
-    }
-    return WEDGE.format(header=header, uvs=uvs, **texts)
+    lines = ["f " + " ".join(corner.format(vertex) for vertex in face) for face in faces]
+    return f"{header}v 1 1 3\nv 3 1 3\nv 1 2 3\nv 1 1 4\n{uvs}" + "\n".join([*lines, ""])
 
 
 def test_user_mesh_keeps_its_texture_upright(tmp_path):
@@ -59,10 +47,8 @@ def test_user_mesh_keeps_its_texture_upright(tmp_path):
 def huge_picture():
     """A PNG that says that it has 1.6e9 pixels."""
     size = struct.pack(">IIBBBBB", 40000, 40000, 8, 2, 0, 0, 0)
-    chunks = [
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in ((b"IHDR", size), (b"IDAT", zlib.compress(b"")))
-    ]
+    bodies = b"IHDR" + size, b"IDAT" + zlib.compress(b"")
+    chunks = [struct.pack(">I", len(b) - 4) + b + struct.pack(">I", zlib.crc32(b)) for b in bodies]
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
@@ -85,13 +71,9 @@ def test_a_texture_that_is_not_decoded_gives_a_one_line_error(tmp_path, picture,
 
 def test_user_mesh_keeps_vertex_colours(tmp_path):
     path = tmp_path / "wedge.ply"
-    path.write_text(
-        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
-        "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
-        "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
-        "1 1 3 250 10 10\n3 1 3 250 10 10\n1 2 3 250 10 10\n1 1 4 250 10 10\n"
-        "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n"
-    )
+    colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+    rows = "1 1 3 250 10 10\n3 1 3 250 10 10\n1 2 3 250 10 10\n1 1 4 250 10 10\n"
+    path.write_text(ply_head(4, 4, colours=colours) + rows + "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n")
     (part,) = load_mesh(str(path), 0.5)
     u, v = part.uvs[:, 0, 0], part.uvs[:, 0, 1]
     height, width = part.texture.shape[:2]
@@ -115,11 +97,13 @@ def box(name, change=lambda vertex: vertex, last=(1, 7, 3), count=8):
     lines = "".join(vertices) + "".join("3 {} {} {}\n".format(*face) for face in faces)
     if name == OFF:
         return f"OFF\n{count} {len(faces)} 0\n{lines}"
-    return (
-        f"ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\n"
-        f"property float z\nelement face {len(faces)}\nproperty list uchar int vertex_indices\n"
-        f"end_header\n{lines}"
-    )
+    return ply_head(count, len(faces)) + lines
+
+
+def ply_head(vertices, faces, order="ascii", colours=""):
+    coordinates = "property float x\nproperty float y\nproperty float z\n"
+    head = f"ply\nformat {order} 1.0\nelement vertex {vertices}\n{coordinates}{colours}"
+    return f"{head}element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
 
 
 @pytest.mark.parametrize("name", [OBJ, OFF, PLY])
@@ -144,11 +128,9 @@ def test_user_mesh_in_millimetres_and_turned(tmp_path, forward, corner):
     assert contour == {(x, y), (-x, y), (x, -y)}
 
 
-SHORT = {
-    "vertex.ply": box(PLY).replace("-2 -1 1.5\n", "-2 -1\n"),
-    "vertex.off": box(OFF).replace("-2 -1 1.5\n", "-2 -1\n"),
-    "head.off": box(OFF).replace("OFF", "\ufeffOFF"),
-}
+ONE_LESS = ("-2 -1 1.5\n", "-2 -1\n")
+SHORT = {"vertex.ply": box(PLY).replace(*ONE_LESS), "vertex.off": box(OFF).replace(*ONE_LESS)}
+SHORT |= {"head.off": box(OFF).replace("OFF", "\ufeffOFF")}
 
 
 @pytest.mark.parametrize("name", SHORT)
@@ -187,15 +169,10 @@ DAMAGED = [
         ({"last": (1, 7, -10)}, "cannot be read"),
     )
 ]
-DAMAGED += [
-    (name, box(name, count=count), "cannot be read")
-    for name in (OFF, PLY)
-    for count in (2 * 10**9, 9, 7, -8)
-]
-DAMAGED += [
-    (name, "".join(box(name).splitlines(keepends=True)[:-1]), "cannot be read")
-    for name in (OFF, PLY)
-]
+for name in (OFF, PLY):
+    texts = [box(name, count=count) for count in (2 * 10**9, 9, 7, -8)]
+    texts.append("".join(box(name).splitlines(keepends=True)[:-1]))
+    DAMAGED += [(name, text, "cannot be read") for text in texts]
 
 
 @pytest.mark.parametrize(
@@ -219,11 +196,8 @@ def test_invalid_user_mesh_gives_a_one_line_error(tmp_path, capfd, name, text, m
     path = tmp_path / name
     if text is not None:
         path.write_text(text)
-    with pytest.raises(ValueError, match=message) as caught:
+    with refused(name, match=rf"^road_user\.mesh: .*(?:{message})", error=ValueError):
         load_mesh(str(path), 0.5)
-    assert str(caught.value).startswith("road_user.mesh: ")
-    assert name in str(caught.value)
-    assert "\n" not in str(caught.value)
     assert capfd.readouterr() == ("", "")
 
 
@@ -241,14 +215,12 @@ OF_FORMS = {
     "negative": VERTICES + faces(offset=-8),
     "negative, and more vertices later": VERTICES + faces(offset=-8) + "v 9 9 9\n" * 3,
     "quads and triangles": VERTICES + faces().replace("f 2 6 8 4\n", "f 2 6 8\nf 2 8 4\n"),
-    "six corners next to three with two numbers": (
-        VERTICES
-        + TEXTURED
-        + "f 1/1 2/2 4/3\nf 1 4 3\n"
-        + faces().split("\n", 1)[1]
-        # The lower quad again.
-        + "f 1 1 3 3 7 5\n"
-    ),
+    # With the lower quad again.
+    "six corners next to three with two numbers": VERTICES
+    + TEXTURED
+    + "f 1/1 2/2 4/3\nf 1 4 3\n"
+    + faces().split("\n", 1)[1]
+    + "f 1 1 3 3 7 5\n",
     "normals only": VERTICES + "vn 0 0 1\n" + faces("{0}//1"),
     "normals of some": VERTICES + TEXTURED + "vn 0 0 1\n" + faces("{0}/1/1").replace("2/1/1", "2"),
     "continued lines": VERTICES + faces().replace(" 4 3", " 4 \\\n 3"),
@@ -276,11 +248,7 @@ CUT = [*QUADS[:4], (0, 2, 6), (0, 6, 2, 6, 4), *QUADS[5:]]
 @pytest.mark.parametrize("polygons", [QUADS, MIXED, CUT])
 def test_ply_of_polygons(tmp_path, order, polygons):
     path = tmp_path / PLY
-    head = (
-        f"ply\nformat {order} 1.0\nelement vertex 8\nproperty float x\nproperty float y\n"
-        f"property float z\nelement face {len(polygons)}\n"
-        "property list uchar int vertex_indices\nend_header\n"
-    )
+    head = ply_head(8, len(polygons), order)
     end = "><"["little" in order]
     if order == "ascii":
         rows = [" ".join(map(str, row)) for row in (*BOX, *((len(q), *q) for q in polygons))]
@@ -291,9 +259,8 @@ def test_ply_of_polygons(tmp_path, order, polygons):
     path.write_bytes(head.encode() + body)
     mesh = load_mesh(str(path), 0.5)
     found = {frozenset(one) for one in mesh[0].triangles.tolist()}
-    assert found == {
-        frozenset((q[0], *q[i : i + 2])) for q in polygons for i in range(1, len(q) - 1)
-    }
+    fans = [(q[0], *q[i : i + 2]) for q in polygons for i in range(1, len(q) - 1)]
+    assert found == {frozenset(one) for one in fans}
     np.testing.assert_allclose(bounding_box(mesh), [[-2, -1, 0], [2, 1, 1.5]])
 
 
@@ -318,36 +285,20 @@ def gltf(folder: Path, name: str, **changes) -> Path:
     image = cv2.imencode(".png", np.full((4, 4, 3), (0, 0, 250), np.uint8))[1].tobytes()
     chunks = [positions.tobytes(), uvs.tobytes(), indices.tobytes(), image]
     starts = np.cumsum([0] + [len(chunk) for chunk in chunks])
-    tree = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [
-            {"children": [1, 2], "scale": [2.0, 2.0, 2.0]},
-            {"mesh": 0, "translation": [0.0, 0.0, 2.0]},
-            {"mesh": 0, "translation": [0.0, 0.0, -2.0], "rotation": [0.0, 1.0, 0.0, 0.0]},
-        ],
-        "meshes": [
-            {
-                "primitives": [
-                    {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
-                ]
-            }
-        ],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
-        "textures": [{"source": 0}],
-        "images": [{"bufferView": 3, "mimeType": "image/png"}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5126, "count": 8, "type": "VEC2"},
-            {"bufferView": 2, "componentType": 5123, "count": 36, "type": "SCALAR"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": int(start), "byteLength": len(chunk)}
-            for start, chunk in zip(starts, chunks, strict=False)
-        ],
-        "buffers": [{"byteLength": int(starts[-1])}],
-    } | changes
+    shape = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
+    turned = {"translation": [0.0, 0.0, -2.0], "rotation": [0.0, 1.0, 0.0, 0.0]}
+    nodes = [{"children": [1, 2], "scale": [2.0, 2.0, 2.0]}]
+    nodes += [{"mesh": 0, "translation": [0.0, 0.0, 2.0]}, {"mesh": 0} | turned]
+    kinds = (5126, 8, "VEC3"), (5126, 8, "VEC2"), (5123, 36, "SCALAR")
+    names = ("bufferView", "componentType", "count", "type")
+    accessors = [dict(zip(names, (i, *kind), strict=True)) for i, kind in enumerate(kinds)]
+    places = zip(starts, map(len, chunks), strict=False)
+    views = [{"buffer": 0, "byteOffset": int(at), "byteLength": size} for at, size in places]
+    tree = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes}
+    tree |= {"meshes": [{"primitives": [shape]}], "accessors": accessors, "bufferViews": views}
+    tree |= {"materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]}
+    tree |= {"images": [{"bufferView": 3, "mimeType": "image/png"}], "textures": [{"source": 0}]}
+    tree |= {"buffers": [{"byteLength": int(starts[-1])}]} | changes
     data = b"".join(chunks)
     path = folder / name
     if path.suffix == ".gltf":
@@ -408,32 +359,22 @@ def test_gltf_that_is_too_large_or_damaged_gives_one_line(tmp_path, changes):
 
 
 @pytest.mark.parametrize(
-    ("factor", "message"),
-    [
-        (1000, r"in millimetres, set road_user\.mesh_scale=0\.001 "),
-        (100, r"in centimetres, set road_user\.mesh_scale=0\.01 "),
-        (1 / 0.0254, r"in inches, set road_user\.mesh_scale=0\.0254 "),
-    ],
+    ("unit", "scale"), [("millimetres", 0.001), ("centimetres", 0.01), ("inches", 0.0254)]
 )
-def test_a_mesh_in_another_unit_gets_the_scale_to_set(tmp_path, factor, message):
+def test_a_mesh_in_another_unit_gets_the_scale_to_set(tmp_path, unit, scale):
     path = tmp_path / OBJ
-    path.write_text(box(OBJ, lambda v: [factor * x for x in v]))
-    with pytest.raises(ValueError, match=message):
+    path.write_text(box(OBJ, lambda v: [x / scale for x in v]))
+    with pytest.raises(ValueError, match=f"in {unit}, set road_user.mesh_scale={scale} "):
         load_mesh(str(path), 0.5)
 
 
 def test_the_axis_that_is_up(tmp_path):
-    """The box of `BOX` with its height along y, and its length along x or z."""
+    """The box of `BOX` with its height along y and its length along x; along z: a glTF above."""
     path = tmp_path / OBJ
-    for forward, change in (
-        ("x", lambda v: (v[0], v[2], -v[1])),
-        ("z", lambda v: (v[1], v[2], v[0])),
-    ):
-        path.write_text(box(OBJ, change))
-        user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path), 1.0, forward, "y")
-        np.testing.assert_allclose(
-            bounding_box(road_user_meshes(user)[0]), [[-2, -1, 0], [2, 1, 1.5]], atol=1e-9
-        )
+    path.write_text(box(OBJ, lambda v: (v[0], v[2], -v[1])))
+    user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path), 1.0, "x", "y")
+    found = bounding_box(road_user_meshes(user)[0])
+    np.testing.assert_allclose(found, [[-2, -1, 0], [2, 1, 1.5]], atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -452,8 +393,7 @@ def test_a_mesh_that_lies_or_floats_gets_a_line(tmp_path, change, up, doubt):
     path.write_text(box(OBJ, change))
     found = mesh_doubt(str(path), 1.0, up)
     assert found is None if doubt is None else doubt in found
-    if doubt is not None:
-        assert found.startswith("road_user.mesh: ")
+    assert doubt is None or found.startswith("road_user.mesh: ")
 
 
 def test_gltf_has_y_up(tmp_path):
@@ -479,10 +419,8 @@ def names(folder: Path, mesh: str) -> set[str]:
 
 def test_referred_files_lists_existing_references(folder):
     assert names(folder, "car.obj") == {"car.mtl", "maps/body.png", "a b.png"}
-    tree = {
-        "buffers": [{"uri": "data.bin"}, {"uri": "data:text/plain,a"}],
-        "images": [{"uri": "a%20b.png"}, {"bufferView": 1}],
-    }
+    tree = {"buffers": [{"uri": "data.bin"}, {"uri": "data:text/plain,a"}]}
+    tree["images"] = [{"uri": "a%20b.png"}, {"bufferView": 1}]
     (folder / "car.gltf").write_text(json.dumps(tree))
     assert names(folder, "car.gltf") == {"data.bin", "a b.png"}
     (folder / "car.ply").write_bytes(b"ply\ncomment TextureFile a b.png\nend_header\n\xff\x00")
@@ -515,3 +453,5 @@ def test_changed_texture_changes_the_keys_of_stages_that_read_the_mesh(folder):
     after = keys()
     assert after["render"] != before["render"] and after["scenario"] != before["scenario"]
     assert after["ego_motion"] == before["ego_motion"]
+    (folder / "car.obj").write_text("v 1 0 0\n")
+    assert keys()["scenario"] != after["scenario"]

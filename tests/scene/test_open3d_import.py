@@ -35,12 +35,9 @@ assert cast(open3d) == before
 
 def run(script: str, folder: str = "") -> None:
     """Run a script; modules in `folder` come before the installed ones."""
-    result = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", CAST + script],
-        env=os.environ | {"PYTHONPATH": folder},
-        capture_output=True,
-        text=True,
-    )
+    words = [sys.executable, "-W", "ignore", "-c", CAST + script]
+    environment = os.environ | {"PYTHONPATH": folder}
+    result = subprocess.run(words, env=environment, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
 
 

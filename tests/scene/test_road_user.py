@@ -51,14 +51,12 @@ def test_meshes_meet_the_requirements_of_the_renderers_and_face_outwards(kind):
         assert part.texture.dtype == np.uint8 and part.texture.shape[2] == 3
         assert all(side & (side - 1) == 0 for side in part.texture.shape[:2])
     # The signed volume of every closed piece is positive; windows and cabin close together.
-    parts = {part.name: part for part in road_user_meshes(parameters(kind))[0]}
-    groups = [[name] for name in parts if name not in ("cabin", "windows")]
-    for names in groups:
-        for triangles in _pieces(parts[names[0]].triangles):
-            points = parts[names[0]].vertices[triangles]
+    for part in [one for one in mesh if one.name not in ("cabin", "windows")]:
+        for triangles in _pieces(part.triangles):
+            points = part.vertices[triangles]
             points = points - points.mean(axis=(0, 1))
             volume = np.einsum("ti,ti->", points[:, 0], np.cross(points[:, 1], points[:, 2]))
-            assert volume > 0.0, names
+            assert volume > 0.0, part.name
 
 
 def _pieces(triangles):

@@ -11,7 +11,7 @@ import shapely
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.keys import canonical
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import world_from_target
+from stixel_cli.geometry.pose import rectangle, world_from_target
 from stixel_cli.rendering.placement import motion_of, numbered_objects
 from stixel_cli.scene.background import KERB, MARK, PAVEMENTS
 from stixel_cli.scene.ego import ego_motion
@@ -30,11 +30,12 @@ def objects():
 @pytest.fixture(scope="module")
 def obstacles(objects):
     """Hulls of the ground projections of all that stands, and the raised pavements."""
-    hulls = [
-        shapely.convex_hull(shapely.MultiPoint(corners(mesh).reshape(-1, 3)[:, :2]))
-        for mesh in objects[1:]
-    ]
-    return shapely.union_all([*hulls, *(shapely.box(*rectangle) for rectangle in PAVEMENTS)])
+    raised = [shapely.box(*pavement) for pavement in PAVEMENTS]
+    return shapely.union_all([*map(hull_of, objects[1:]), *raised])
+
+
+def hull_of(mesh):
+    return shapely.convex_hull(shapely.MultiPoint(corners(mesh).reshape(-1, 3)[:, :2]))
 
 
 def test_world_has_one_flat_road_first_a_limited_size_and_parts_for_the_renderers(objects):
@@ -62,21 +63,17 @@ def test_world_has_one_flat_road_first_a_limited_size_and_parts_for_the_renderer
 def test_background_surrounds_the_ego_car_and_tall_objects_are_behind_the_target(objects):
     boxes = [bounding_box(mesh) for mesh in objects[1:]]
     assert all(abs(low[2]) < 0.2 for low, _ in boxes)
-    tall = shapely.union_all(
-        [shapely.box(*low[:2], *high[:2]) for low, high in boxes if high[2] > 4]
-    )
+    tall = [shapely.box(*low[:2], *high[:2]) for low, high in boxes if high[2] > 4]
+    tall = shapely.union_all(tall)
     for angle in np.radians(np.arange(0, 360, 5)):
         ray = shapely.LineString([(0, 0), (220 * np.cos(angle), 220 * np.sin(angle))])
         assert ray.intersects(tall)
     # In the default rig's view, past the default path, nearer than 50 m.
-    tall = [
-        mesh[0].name
-        for mesh in objects[1:]
-        for low, high in [bounding_box(mesh)]
-        if high[2] > 4.0 and 28.0 < low[1] < 50.0 and abs(0.5 * (low[0] + high[0])) < 0.57 * low[1]
-    ]
-    assert {"walls", "trunk", "pole"} <= set(tall)
-    assert len(tall) >= 8
+    low, high = np.array(boxes).swapaxes(0, 1)
+    aside = np.abs(0.5 * (low[:, 0] + high[:, 0])) < 0.57 * low[:, 1]
+    chosen = np.flatnonzero((high[:, 2] > 4.0) & (low[:, 1] > 28.0) & (low[:, 1] < 50.0) & aside)
+    assert {"walls", "trunk", "pole"} <= {objects[1 + i][0].name for i in chosen}
+    assert len(chosen) >= 8
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
@@ -84,8 +81,7 @@ def test_background_surrounds_the_ego_car_and_tall_objects_are_behind_the_target
 def test_preset_paths_are_free_of_objects(obstacles, kind, name):
     path, road_user = scene_presets.path(name, kind), scene_presets.road_user(kind)
     motion = ego_motion(scene_presets.ego("parked"), path.duration, path.sample_time)
-    half = 0.5 * np.array([road_user.length, road_user.width])
-    outline = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * half
+    outline = rectangle(road_user.length, road_user.width)
     for pose in path_poses(path, motion.times)[0]:
         footprint = shapely.Polygon(world_from_target(outline, pose))
         assert footprint.distance(obstacles) > 0.2
@@ -97,13 +93,14 @@ def test_ego_paths_are_free_of_objects(obstacles, name):
         assert shapely.Point(pose[:2]).distance(obstacles) > 1.5
 
 
-def test_world_is_repeatable_and_depends_on_its_seed_and_contrast(objects):
-    def bytes_of(items):
-        parts = [part for mesh in items for part in mesh]
-        return [(part.vertices.tobytes(), part.texture.tobytes()) for part in parts]
+def content(*meshes):
+    parts = [part for mesh in meshes for part in mesh]
+    return [(part.name, corners((part,)).tobytes(), part.texture.tobytes()) for part in parts]
 
-    assert bytes_of(world_objects(scene_presets.world())) == bytes_of(objects)
-    assert bytes_of(world_objects(World("street", 2, 1.0))) != bytes_of(objects)
+
+def test_world_is_repeatable_and_depends_on_its_seed_and_contrast(objects):
+    assert content(*world_objects(scene_presets.world())) == content(*objects)
+    assert content(*world_objects(World("street", 2, 1.0))) != content(*objects)
     ground = world_objects(World("street", 1, 0.0))[0]
     assert ground[0].texture.std(axis=(0, 1)).max() == 0.0
 
@@ -135,38 +132,27 @@ def test_the_way_and_the_view_are_free_and_objects_near_the_way_on_its_asphalt(b
     way = shapely.LineString(ego[:, :2])
     views = shapely.union_all(shapely.linestrings(np.stack([ego[:, :2], targets], axis=1)))
     assert len(beside) > 41
-    for mesh in beside[1:]:
-        hull = shapely.convex_hull(shapely.MultiPoint(corners(mesh).reshape(-1, 3)[:, :2]))
+    road, *others = beside
+    for hull in map(hull_of, others):
         assert hull.distance(way) > 0.99 * ROAD
         assert hull.distance(views) > 0.99 * VIEW
-    road, *others = beside
     low, high = bounding_box(road)[:, :2]
     assert first_parts(others) >= {"walls", "trunk", "pole", "body", "woods"}
     for mesh in others:
         inner = bounding_box(mesh)[:, :2]
         assert (inner[0] >= low).all() and (inner[1] <= high).all()
-    ego, _ = driven(150.0)
+    near = [mesh for mesh in others if mesh[0].name != "woods"]
     for k in (0, 40, 79):
-        near = [mesh for mesh in others if mesh[0].name != "woods"]
         places = np.array([bounding_box(mesh)[:, :2].mean(axis=0) for mesh in near])
         assert (np.hypot(*(places - ego[k, :2]).T) < 40.0).sum() >= 8
 
 
 def test_a_long_drive_has_an_id_for_every_object_and_a_standing_car_has_a_world():
-    for ego, targets in (
-        driven(1500.0),
-        (np.tile([0.0, 0.0, 0.5 * np.pi], (3, 1)), [[0, 9.0]] * 3),
-    ):
-        still = np.zeros(len(ego), dtype=np.int64)
-        scenario = Scenario(
-            np.arange(float(len(ego))),
-            ego,
-            np.column_stack([targets, np.zeros(len(ego))]),
-            np.zeros((len(ego), 3)),
-            np.zeros((1, 4, 2)),
-            still,
-            True,
-        )
+    parked = np.tile([0.0, 0.0, 0.5 * np.pi], (3, 1)), [[0, 9.0]] * 3
+    for ego, targets in (driven(1500.0), parked):
+        poses = np.column_stack([targets, np.zeros(len(ego))])
+        shape = np.zeros((1, 4, 2)), np.zeros(len(ego), dtype=np.int64), True
+        scenario = Scenario(np.arange(float(len(ego))), ego, poses, 0.0 * poses, *shape)
         motion = motion_of(WORLD, scenario)
         assert 10 < len(numbered_objects(WORLD, motion)) <= 253
         assert motion_of(World("street", 1, 1.0), scenario) == ()
@@ -180,18 +166,14 @@ def test_a_fenced_way_has_fences_and_hedges_beside_it_and_is_free():
     assert not {"body", "pole", "bollard"} & first_parts(found)
     way = shapely.LineString(ego[:, :2])
     for mesh in low:
-        hull = shapely.convex_hull(shapely.MultiPoint(corners(mesh).reshape(-1, 3)[:, :2]))
-        assert hull.distance(way) > 0.99 * ROAD
+        assert hull_of(mesh).distance(way) > 0.99 * ROAD
         assert np.ptp(bounding_box(mesh)[:, 2]) < 1.7
 
 
 def test_the_same_motion_gives_the_same_world_and_another_seed_another(beside):
-    def content_of(found):
-        return [(mesh[0].name, corners(mesh).tobytes()) for mesh in found]
-
-    assert content_of(roadside_objects(WORLD, *driven(150.0))) == content_of(beside)
-    other = World("roadside", 2, 1.0)
-    assert content_of(roadside_objects(other, *driven(150.0))) != content_of(beside)
+    worlds = (World("roadside", seed, 1.0) for seed in (1, 2))
+    same, other = (roadside_objects(world, *driven(150.0)) for world in worlds)
+    assert content(*same) == content(*beside) != content(*other)
 
 
 NONE = World("street", 1, 1.0)
@@ -203,10 +185,6 @@ def crossing(road_user="cyclist"):
     path = scene_presets.path("crossing", road_user)
     motion = ego_motion(scene_presets.ego("parked"), path.duration, path.sample_time)
     return build_scenario(motion, scene_presets.road_user(road_user), path)
-
-
-def content(mesh):
-    return corners(mesh).tobytes()
 
 
 def test_without_an_occluder_settings_in_keys_and_the_scene_are_those_of_before():

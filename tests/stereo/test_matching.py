@@ -31,23 +31,10 @@ FRAMES = range(7, 9)
 RIG = Rig(160, 96, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
 
 
-SGM = with_constants(
-    SgmParameters(
-        kind="sgm",
-        nearest=nearest_of(RIG, 32),
-        block_size=3,
-        subpixel="parabola",
-        disparities_at_full_size=None,
-    ),
-    p1=200,
-    p2=800,
-    pre_filter_cap=31,
-    speckle_window=0,
-)
-BM = with_constants(
-    BmParameters(kind="bm", nearest=nearest_of(RIG, 32), block_size=9),
-    speckle_window=0,
-)
+NEAREST = nearest_of(RIG, 32)
+PLAIN = SgmParameters(kind="sgm", nearest=NEAREST, block_size=3, subpixel="parabola")
+SGM = with_constants(PLAIN, p1=200, p2=800, pre_filter_cap=31, speckle_window=0)
+BM = with_constants(BmParameters(kind="bm", nearest=NEAREST, block_size=9), speckle_window=0)
 
 
 @pytest.fixture(scope="module")
@@ -56,9 +43,8 @@ def pairs():
     noise = np.random.default_rng(1).integers(0, 256, (96, 160 + SHIFT), dtype=np.uint8)
     texture = cv2.GaussianBlur(noise, (3, 3), 0)
     left, right = texture[:, :160], texture[:, SHIFT:]
-    return StereoPairs(
-        FRAMES.start, ImageStack.from_images([left, left]), ImageStack.from_images([right, right])
-    )
+    stacks = (ImageStack.from_images([image, image]) for image in (left, right))
+    return StereoPairs(FRAMES.start, *stacks)
 
 
 @pytest.mark.parametrize("stereo", [SGM, BM])
@@ -185,13 +171,8 @@ BOX = slice(20, 75), slice(180, 260)
 WIDE = Rig(321, 97, 200.0, None, None, None, 0.5, 1.2, 0.0, None)
 
 
-STEREO = SgmParameters(
-    kind="sgm",
-    nearest=nearest_of(WIDE, 112),
-    block_size=5,
-    subpixel="phase_table",
-    disparities_at_full_size=32,
-)
+SIZES = {"block_size": 5, "disparities_at_full_size": 32}
+STEREO = SgmParameters(kind="sgm", nearest=nearest_of(WIDE, 112), subpixel="phase_table", **SIZES)
 
 
 @pytest.fixture(scope="module")
@@ -206,10 +187,6 @@ def planes():
     return StereoPairs(0, *(ImageStack.from_images([image]) for image in (left, right)))
 
 
-def shrunk(box, pixels):
-    return tuple(slice(side.start + pixels, side.stop - pixels) for side in box)
-
-
 @pytest.mark.parametrize("subpixel", ["parabola", "phase_table"])
 def test_near_and_far_planes_are_found(planes, subpixel):
     stereo = replace(STEREO, subpixel=subpixel)
@@ -218,7 +195,7 @@ def test_near_and_far_planes_are_found(planes, subpixel):
     raw = disparities.raw(0)
     assert raw.shape == (97, 321) and raw.dtype == np.int16
     valid = raw != INVALID
-    box = raw[shrunk(BOX, 6)]
+    box = raw[tuple(slice(side.start + 6, side.stop - 6) for side in BOX)]
     assert np.mean(box != INVALID) > 0.95
     assert np.all(np.abs(box[box != INVALID] - 16 * NEAR) <= 8)
     # Left of the box, the right camera sees the box in front of the far plane. What is matched

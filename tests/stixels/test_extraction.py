@@ -3,7 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from boxed_road import BOXES, columns_of
+from boxed_road import BOXES, EXTRACTION, TOPS, as_disparities, columns_of, find, render
 from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
@@ -40,18 +40,14 @@ from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import SAME_OBJECT
 
 
-@pytest.fixture
-def pipeline(find, height, extraction):
-    def run(disparities, rig, extraction=extraction, height=height):
-        frames = range(disparities.first, disparities.first + len(disparities))
-        found = find(disparities, rig)
-        return extract_stixels(disparities, found, None, rig, height, extraction, frames)
-
-    return run
+def pipeline(disparities, rig, extraction=EXTRACTION, height=TOPS):
+    frames = range(disparities.first, disparities.first + len(disparities))
+    found = find(disparities, rig)
+    return extract_stixels(disparities, found, None, rig, height, extraction, frames)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_boxes_give_stixels(pipeline, rig, render, as_disparities, pitch):
+def test_boxes_give_stixels(rig, pitch):
     rig = replace(rig, pitch=pitch)
     stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
     for box in BOXES:
@@ -61,9 +57,8 @@ def test_boxes_give_stixels(pipeline, rig, render, as_disparities, pitch):
         assert len(inside) >= 4
         assert_allclose(stixels.depth[inside], distance, rtol=0.005)
         assert_allclose(stixels.points_ego[inside, 1], distance, rtol=0.005)
-        ends = np.array(
-            [[at, rig.camera_height - tall, distance], [at, rig.camera_height, distance]]
-        )
+        heights = rig.camera_height - np.array([tall, 0.0])
+        ends = np.array([[at, height, distance] for height in heights])
         top, base = project(rig, ends @ rig.level_from_camera)[:, 1]
         assert np.all(np.abs(stixels.top[inside] - top) <= 1)
         assert np.all(np.abs(stixels.base[inside] - base) <= 1)
@@ -74,7 +69,7 @@ def test_boxes_give_stixels(pipeline, rig, render, as_disparities, pitch):
     assert_allclose(stixels.depth[wall], 30.0, rtol=0.005)
 
 
-def test_free_columns_have_no_stixel(pipeline, rig, render, as_disparities):
+def test_free_columns_have_no_stixel(rig):
     box = (0.0, 10.0, 2.0, 1.5)
     stixels = pipeline(as_disparities(render(rig), render(rig, boxes=[box])), rig)
     assert stixels.offsets[:2].tolist() == [0, 0]
@@ -86,10 +81,8 @@ def test_free_columns_have_no_stixel(pipeline, rig, render, as_disparities):
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstacle(
-    pipeline, rig, render, as_disparities, extraction, pitch
-):
-    rig, many = replace(rig, pitch=pitch), replace(extraction, layers="many")
+def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstacle(rig, pitch):
+    rig, many = replace(rig, pitch=pitch), replace(EXTRACTION, layers="many")
     low, tall = (0.0, 8.0, 3.0, 0.8), (0.2, 16.0, 2.0, 1.8)
     disparities = as_disparities(render(rig, boxes=[low, tall], wall=40.0))
     one, both = pipeline(disparities, rig), pipeline(disparities, rig, many)
@@ -111,19 +104,15 @@ def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstac
     assert_allclose(both.depth[beside & (both.depth > 20)], 40.0, rtol=0.01)
 
 
-def test_a_surface_less_than_the_depth_margin_behind_is_no_layer_and_road_is_none(
-    pipeline, rig, render, as_disparities, extraction, height
-):
-    many = replace(extraction, layers="many")
-    for further in ([], [(0.0, 8.0 + 0.9 * height.depth_margin, 1.0, 1.8)]):
+def test_a_surface_less_than_the_depth_margin_behind_is_no_layer_and_road_is_none(rig):
+    many = replace(EXTRACTION, layers="many")
+    for further in ([], [(0.0, 8.0 + 0.9 * TOPS.depth_margin, 1.0, 1.8)]):
         boxes = [(0.0, 8.0, 3.0, 0.8), *further]
         stixels = pipeline(as_disparities(render(rig, boxes=boxes)), rig, many)
         assert len(stixels.left) > 4 and np.all(np.diff(stixels.left) > 0)
 
 
-def test_covariances_follow_from_disparity_variance_surroundings_and_width(
-    pipeline, rig, render, as_disparities
-):
+def test_covariances_follow_from_disparity_variance_surroundings_and_width(rig):
     raw = render(rig, boxes=BOXES, wall=30.0)
     # A sixteenth of a pixel up and down, from stixel to stixel.
     raw += (raw > 0) & (np.arange(rig.width) // 5 % 2 == 1)
@@ -142,14 +131,13 @@ def test_covariances_follow_from_disparity_variance_surroundings_and_width(
     assert_allclose(stixels.covariances_ego[:, 1, 1], sigma**2, rtol=1e-9)
     bearing = stixels.points_ego[:, 0] / stixels.points_ego[:, 1]
     width = stixels.depth * (stixels.right - stixels.left) / rig.focal
-    assert_allclose(
-        stixels.covariances_ego[:, 0, 0], (sigma * bearing) ** 2 + width**2 / 12, rtol=1e-6
-    )
+    across = (sigma * bearing) ** 2 + width**2 / 12
+    assert_allclose(stixels.covariances_ego[:, 0, 0], across, rtol=1e-6)
     assert_allclose(stixels.covariances_ego[:, 0, 1], sigma**2 * bearing, rtol=1e-6)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_points_are_in_the_middle_of_their_columns(pipeline, rig, render, as_disparities, pitch):
+def test_points_are_in_the_middle_of_their_columns(rig, pitch):
     rig = replace(rig, pitch=pitch, principal_u=140.25)
     stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
     points = stixels.points_ego
@@ -171,14 +159,10 @@ def test_surroundings_match_a_brute_force_search():
         depth = rng.choice([10.0, 12.0], len(left)) + rng.normal(0.0, 0.5, len(left))
         count, scatter = surroundings(left, depth, 3)
         for i in range(len(left)):
-            apart = [
-                depth[j] - depth[i]
-                for j in range(len(left))
-                if 0 < abs(left[j] - left[i]) <= 6 and abs(depth[j] - depth[i]) < SAME_OBJECT
-            ]
+            columns, apart = abs(left - left[i]), depth - depth[i]
+            apart = apart[(columns > 0) & (columns <= 6) & (abs(apart) < SAME_OBJECT)]
             assert count[i] == len(apart)
-            expected = 0.125 * np.mean(np.square(apart)) if apart else 0.0
-            assert scatter[i] == pytest.approx(expected)
+            assert scatter[i] == pytest.approx(0.125 * np.sum(apart**2) / max(len(apart), 1))
 
 
 def test_unevenness_matches_a_brute_force_search():
@@ -186,10 +170,7 @@ def test_unevenness_matches_a_brute_force_search():
     for n in (0, 1, 2, 3, 40, 40, 40):
         left = 3 * np.sort(rng.choice(60, n, replace=False))
         depth = rng.choice([10.0, 14.0], n) + np.sort(rng.normal(0.0, 0.5, n))
-        tied = [
-            left[i + 1] - left[i] <= 6 and abs(depth[i + 1] - depth[i]) < SAME_OBJECT
-            for i in range(n - 1)
-        ]
+        tied = (np.diff(left) <= 6) & (abs(np.diff(depth)) < SAME_OBJECT)
         found = unevenness(left, depth, 3)
         for i in range(n):
             first = last = i
@@ -197,12 +178,10 @@ def test_unevenness_matches_a_brute_force_search():
                 first -= 1
             while last < min(i + UNEVEN_REACH, n - 1) and tied[last]:
                 last += 1
-            bent = [
-                (depth[j - 1] - 2 * depth[j] + depth[j + 1]) ** 2 / 6
-                for j in range(max(first, 1), min(last, n - 2) + 1)
-                if tied[j - 1] and tied[j]
-            ]
-            assert found[i] == pytest.approx(np.mean(bent) if bent else 0.0, abs=1e-12)
+            middles = range(max(first, 1), min(last, n - 2) + 1)
+            middles = np.array([j for j in middles if tied[j - 1] and tied[j]], int)
+            bent = (depth[middles - 1] - 2 * depth[middles] + depth[middles + 1]) ** 2 / 6
+            assert found[i] == pytest.approx(np.sum(bent) / max(len(bent), 1), abs=1e-12)
 
 
 def test_histogram_peak_is_the_parabola_through_the_smoothed_maximum():
@@ -227,10 +206,8 @@ def brute_front(pixels, columns, extent):
     rows = [v for _, v in pixels]
     face = max(LEAST_ROWS, int(extent + 0.5))
     extent = min(face, max(rows) - min(rows) + 1)
-    inside = [
-        [d for d, v in pixels if start <= v < start + extent]
-        for start in range(min(rows), max(rows) - extent + 2)
-    ]
+    starts = range(min(rows), max(rows) - extent + 2)
+    inside = [[d for d, v in pixels if start <= v < start + extent] for start in starts]
     full = [np.mean(window) for window in inside if 2 * len(window) >= extent * columns]
     return (max(full) if full else np.mean([d for d, _ in pixels])), face
 
@@ -248,12 +225,8 @@ def brute_groups(columns, layer, grouping):
         middle = order[len(order) // 2]
         members = [u for u in standing if abs(obstacle[u] - obstacle[middle]) <= window[middle]]
         for first in (head, tops):
-            pixels = [
-                (columns[u, v] * SCALE[v], v)
-                for u in members
-                for v in range(first[u], foot[u] + 1)
-                if columns[u, v] >= 0
-            ]
+            places = [(u, v) for u in members for v in range(first[u], foot[u] + 1)]
+            pixels = [(columns[u, v] * SCALE[v], v) for u, v in places if columns[u, v] >= 0]
             pixels = [(d, v) for d, v in pixels if abs(d - obstacle[middle]) < window[middle]]
             if len(pixels) >= grouping.least_pixels:
                 break
@@ -269,8 +242,7 @@ def brute_groups(columns, layer, grouping):
         disparity = (histogram_peak(histogram, grouping.kernel) + bins.min()) / BINS_PER_PIXEL
         top = sorted(tops[members])[len(members) // 2]
         area = (group[0], group[-1] + 1, top, base[middle])
-        mean_row = np.mean(rows)
-        found.append((area, (disparity, mean_row)))
+        found.append((area, (disparity, np.mean(rows))))
     return found
 
 
@@ -311,7 +283,7 @@ def test_foot_blended_with_the_road_is_ignored(rig, pitch, vertical_fov):
     assert np.array_equal(rows_at_height(obstacle, base, rig, 0.0), base)
 
 
-def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_disparities):
+def test_blended_foot_does_not_move_the_stixel(rig):
     box = (0.0, 15.0, 2.0, 1.5)
     raw = render(rig, boxes=[box])
     left, right = np.rint(columns_of(rig, box)).astype(int)
@@ -326,10 +298,10 @@ def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_dispari
     assert_allclose(soft.depth, sharp.depth, rtol=1e-3)
 
 
-def test_hidden_rows_raise_the_tops(pipeline, rig, render, as_disparities, height):
+def test_hidden_rows_raise_the_tops(rig):
     disparities = as_disparities(render(rig, boxes=BOXES))
     low = pipeline(disparities, rig)
-    high = pipeline(disparities, rig, height=replace(height, hidden_rows=2))
+    high = pipeline(disparities, rig, height=replace(TOPS, hidden_rows=2))
     assert np.array_equal(high.top, np.maximum(low.top - 2, 0))
     assert np.array_equal(high.depth, low.depth) and np.array_equal(high.base, low.base)
     # Two rows at that depth; the camera looks along the road.
@@ -354,9 +326,8 @@ def test_depth_windows_end_behind_the_obstacle(rig):
     obstacle = np.array([20.0, np.nan, 5.0], dtype=np.float32)
     focal_baseline = rig.focal * rig.baseline
     depth = focal_baseline / obstacle
-    assert_allclose(
-        depth_windows(obstacle, rig, 2.0), obstacle - focal_baseline / (depth + 2.0), rtol=1e-5
-    )
+    windows = obstacle - focal_baseline / (depth + 2.0)
+    assert_allclose(depth_windows(obstacle, rig, 2.0), windows, rtol=1e-5)
 
 
 def test_height_costs_follow_from_the_membership():
@@ -381,9 +352,7 @@ def test_height_costs_follow_from_the_membership():
     ("beyond", "smoothness", "top"),
     [(0.0, 3.0, 60), (0.0, 0.9, 50), (0.0, 1.1, 60), (3.0, 3.0, 60), (3.6, 3.0, 50)],
 )
-def test_smoothness_depends_on_the_depth_difference_of_neighbours(
-    rig, height, beyond, smoothness, top
-):
+def test_smoothness_depends_on_the_depth_difference_of_neighbours(rig, beyond, smoothness, top):
     """Ten more rows of one column gain 20 and cost 10 C_s (1 - |z_u - z_v| / 5 m) on each side."""
     depth = np.full(rig.width, 10.0 + beyond)
     depth[100] = 10.0
@@ -393,20 +362,17 @@ def test_smoothness_depends_on_the_depth_difference_of_neighbours(
     columns[:, 60:121] = np.rint(16.0 * obstacle)[:, None]
     columns[100, 50:60] = columns[100, 60]
     line = road_line(0.0, rig.camera_height, rig)
-    changed = with_constants(height, smoothness=smoothness)
+    changed = with_constants(TOPS, smoothness=smoothness)
     tops = top_rows(Frame(columns, 64, obstacle, base, line, rig), changed)
     assert tops[100] == top
     assert np.all(np.delete(tops, 100) == 60)
 
 
 def total_cost(tops, cost, tied):
-    kept = sum(cost[u, v] for u, v in enumerate(tops) if v >= 0)
-    steps = [
-        tied[u] * abs(int(tops[u]) - int(tops[u + 1]))
-        for u in range(len(tops) - 1)
-        if tops[u] >= 0 and tops[u + 1] >= 0
-    ]
-    return float(kept) + float(sum(steps))
+    used = tops >= 0
+    kept = cost[used, tops[used]].sum(dtype=np.float64)
+    steps = tied * abs(np.diff(tops.astype(float)))
+    return kept + steps[used[1:] & used[:-1]].sum()
 
 
 def least_cost(cost, base, tied):
@@ -429,9 +395,7 @@ def test_tops_have_the_least_cost(seed, width, rows):
     rng = np.random.default_rng(seed)
     cost = rng.normal(0, 5, (width, rows)).astype(np.float32)
     base = rng.integers(-1, rows, width).astype(np.int32)
-    tied = (rng.random(max(width - 1, 0)) * rng.integers(0, 3, max(width - 1, 0))).astype(
-        np.float32
-    )
+    tied = (rng.random(width - 1) * rng.integers(0, 3, width - 1)).astype(np.float32)
     tops = cheapest_tops(cost.copy(), base, tied)
     assert np.array_equal(tops >= 0, base >= 0)
     assert np.all(tops <= base)
@@ -457,11 +421,11 @@ def shifted(disparity, seed=0, noise=0.0):
     return images
 
 
-def align(left, right, start, scale=None, columns=None, error=0.0):
+def align(left, right, start, scale=None, columns=None, error=0.0, area=AREA):
     scale = np.full(HEIGHT, 1 / 16, dtype=np.float32) if scale is None else scale
     if columns is None:
         columns = np.rint(start / scale).astype(np.int16)[None, :].repeat(WIDTH, axis=0)
-    return aligned(left, right, columns, AREA, np.array([start]), scale, np.full(WIDTH, error))[0]
+    return aligned(left, right, columns, area, np.array([start]), scale, np.full(WIDTH, error))[0]
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.13, 0.3, 0.5, 0.77])
@@ -477,9 +441,8 @@ def test_pitch_and_the_errors_of_the_rig_are_in_the_disparity_as_they_should():
     scale = np.full(HEIGHT, 1.25 / 16, dtype=np.float32)
     assert align(left, right, 7.2 * 1.25, scale) == pytest.approx(7.3 * 1.25, abs=0.03)
     left, right = shifted(7.5)
-    assert align(left, right, 6.9, error=0.5) == pytest.approx(
-        align(left, right, 7.4) - 0.5, abs=0.02
-    )
+    without = align(left, right, 7.4) - 0.5
+    assert align(left, right, 6.9, error=0.5) == pytest.approx(without, abs=0.02)
 
 
 def test_what_is_behind_the_face_does_not_count():
@@ -501,9 +464,4 @@ def test_disparity_stays_where_the_images_say_nothing_better():
     assert align(left, right, 7.2, columns=none) == 7.2
     assert abs(align(left, right, 8.3) - 8.3) <= TOLERANCE
     # At the image's border there is nothing to align with.
-    left_most = np.array([[0, 3, 10, 49]])
-    scale = np.full(HEIGHT, 1 / 16, dtype=np.float32)
-    columns = np.full((WIDTH, HEIGHT), 115, dtype=np.int16)
-    assert (
-        aligned(left, right, columns, left_most, np.array([7.2]), scale, np.zeros(WIDTH))[0] == 7.2
-    )
+    assert align(left, right, 7.2, area=np.array([[0, 3, 10, 49]])) == 7.2

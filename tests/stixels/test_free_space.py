@@ -2,7 +2,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from boxed_road import BOXES, columns_of, parked
+from boxed_road import (
+    BOXES,
+    ESTIMATED_ROAD,
+    FREE_SPACE,
+    OCCUPANCIES,
+    ROAD,
+    as_disparities,
+    columns_of,
+    find,
+    parked,
+    render,
+)
 from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
@@ -43,17 +54,7 @@ from stixel_cli.stixels.road import (
 from stixel_cli.stixels.types import FreeSpace
 
 
-def driving(count, speed=1.0, turn=0.0):
-    poses = [np.array([0.0, 0.0, np.pi / 2])]
-    for _ in range(count - 1):
-        x, y, heading = poses[-1]
-        poses.append(
-            np.array([x + speed * np.cos(heading), y + speed * np.sin(heading), heading + turn])
-        )
-    return EgoMotion(np.arange(count) * 0.1, np.array(poses))
-
-
-def test_the_road_follows_the_pitch_and_the_height_of_each_frame(find, rig, as_disparities):
+def test_the_road_follows_the_pitch_and_the_height_of_each_frame(rig):
     raw = np.full((rig.height, rig.width), -1, dtype=np.int16)
     ego = replace(parked(2), pitches=np.radians([0.0, 1.5]), heights=np.array([0.0, 0.05]))
     found = find(as_disparities(raw, raw), rig, ego)
@@ -63,12 +64,10 @@ def test_the_road_follows_the_pitch_and_the_height_of_each_frame(find, rig, as_d
 
 @pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_free_space_finds_boxes_and_wall(
-    find, rig, render, as_disparities, occupancies, kind, pitch
-):
+def test_free_space_finds_boxes_and_wall(rig, kind, pitch):
     rig = replace(rig, pitch=pitch)
     raw = render(rig, boxes=BOXES, wall=30.0)
-    found = find(as_disparities(raw), rig, occupancy=occupancies[kind])
+    found = find(as_disparities(raw), rig, occupancy=OCCUPANCIES[kind])
     depth = rig.focal * rig.baseline / found.disparity[0]
     u = np.arange(rig.width)
     lone = np.ones(rig.width, dtype=bool)
@@ -77,16 +76,12 @@ def test_free_space_finds_boxes_and_wall(
         lone &= (u < edges[0] - 4) | (u > edges[1] + 4)
         inside = (u > edges[0] + 2) & (u < edges[1] - 2)
         assert_allclose(depth[inside], distance, rtol=0.02)
-        foot = project(rig, np.array([[at, rig.camera_height, distance]]) @ rig.level_from_camera)[
-            0, 1
-        ]
-        assert np.all(np.abs(found.base_row[0][inside] - foot) <= 2)
+        (foot,) = pixels_of_level(rig, [[at, rig.camera_height, distance]])
+        assert np.all(np.abs(found.base_row[0][inside] - foot[1]) <= 2)
     assert_allclose(depth[lone], 30.0, rtol=0.02)
 
 
-def test_columns_without_obstacle_are_free_and_no_frames_are_no_columns(
-    find, rig, render, as_disparities
-):
+def test_columns_without_obstacle_are_free_and_no_frames_are_no_columns(rig):
     found = find(as_disparities(render(rig), render(rig, boxes=[(0.0, 10.0, 2.0, 1.5)])), rig)
     assert np.all(np.isnan(found.disparity[0]))
     assert np.all(found.base_row[0] == -1)
@@ -105,18 +100,19 @@ def test_columns_without_obstacle_are_free_and_no_frames_are_no_columns(
 
 
 @pytest.mark.parametrize(("depth", "tall", "stands"), [(5.0, 0.4, False), (5.0, 0.7, True)])
-def test_smallest_obstacle_depends_on_height_and_pixels(
-    find, rig, render, as_disparities, depth, tall, stands
-):
+def test_smallest_obstacle_depends_on_height_and_pixels(rig, depth, tall, stands):
     """Of 0.4 m at 5 m nine rows stand above `road.least_height`: pixels enough, not 0.3 m."""
     found = find(as_disparities(render(rig, boxes=[(0.0, depth, 1.0, tall)])), rig)
     assert np.isfinite(found.disparity[0, int(rig.u0)]) == stands
 
 
-def test_chunks_give_the_same_free_space_as_one_pass(find, rig, render, as_disparities, free_space):
+def test_chunks_give_the_same_free_space_as_one_pass(rig):
     rng = np.random.default_rng(0)
-    strong = replace(free_space, temporal_cost=1.0)
-    ego = driving(6, speed=0.5, turn=0.02)
+    strong = replace(FREE_SPACE, temporal_cost=1.0)
+    headings = np.pi / 2 + 0.02 * np.arange(6)
+    steps = 0.5 * np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    places = np.cumsum([[0.0, 0.0], *steps[:-1]], axis=0)
+    ego = EgoMotion(np.arange(6) * 0.1, np.column_stack([places, headings]))
     images = []
     for k in range(6):
         raw = render(rig, boxes=[(-1.0, 14.0 - 0.5 * k, 2.0, 1.5)], wall=40.0 - 0.5 * k)
@@ -131,31 +127,25 @@ def test_chunks_give_the_same_free_space_as_one_pass(find, rig, render, as_dispa
     assert not np.array_equal(alone.disparity[0], second.disparity[0], equal_nan=True)
 
 
-def test_temporal_term_keeps_an_obstacle_without_measurement(
-    find, rig, render, as_disparities, free_space
-):
+def test_temporal_term_keeps_an_obstacle_without_measurement(rig):
     """In the second frame the middle of the box has no disparities, nor has what is behind it."""
     raw = render(rig, boxes=[(0.0, 12.0, 3.0, 1.5)])
     holed = raw.copy()
     holed[:, 150:170] = -1
     for cost, expected in ((0.0, np.nan), (0.3, 12.0)):
-        changed = replace(free_space, temporal_cost=cost)
+        changed = replace(FREE_SPACE, temporal_cost=cost)
         found = find(as_disparities(raw, holed), rig, free_space=changed)
         depth = rig.focal * rig.baseline / found.disparity[1, 152:168]
         assert_allclose(depth, expected, rtol=0.03)
 
 
 @pytest.mark.parametrize("step", [(0.0, -0.5), (0.0, 0.5), (0.5, 0.0)])
-def test_temporal_term_does_not_delay_a_moving_target(
-    find, rig, render, as_disparities, free_space, step
-):
+def test_temporal_term_does_not_delay_a_moving_target(rig, step):
     """It expects a world that stands still; a box at 5 m/s at 10 Hz is measured where it is."""
     places = [np.array([-1.0, 14.0]) + k * np.array(step) for k in range(5)]
     images = [render(rig, boxes=[(*place, 2.0, 1.5)], wall=30.0) for place in places]
-    with_term, without = (
-        find(as_disparities(*images), rig, free_space=replace(free_space, temporal_cost=cost))
-        for cost in (free_space.temporal_cost, 0.0)
-    )
+    settings = (FREE_SPACE, replace(FREE_SPACE, temporal_cost=0.0))
+    with_term, without = (find(as_disparities(*images), rig, free_space=one) for one in settings)
     assert_array_equal(with_term.disparity, without.disparity)
     for (at, distance), disparity in zip(places[1:], with_term.disparity[1:], strict=True):
         edges = columns_of(rig, (at, distance, 2.0, 1.5))
@@ -205,17 +195,17 @@ def test_obstacle_is_expected_in_the_column_of_its_foot(column):
     ray = rig.level_from_camera @ unproject(rig, np.array([[column, base[column], 1.0]]))[0]
     place = ray[[0, 2]] * 9.0 / ray[2]
     x, y = ego_from_world(world_from_ego(place[None], before), now)[0]
-    foot = np.array([[x, rig.camera_height, y]]) @ rig.level_from_camera
+    (foot,) = pixels_of_level(rig, [[x, rig.camera_height, y]])
     expected = expected_depth(obstacle, base, line, rig, before, now)
     at = np.flatnonzero(np.isfinite(expected))
-    assert len(at) == 2 and np.all(np.abs(at - project(rig, foot)[0, 0]) < 1.1)
+    assert len(at) == 2 and np.all(np.abs(at - foot[0]) < 1.1)
     assert_allclose(expected[at], y, rtol=1e-5)
 
 
-def test_estimated_road_compensates_a_wrong_rig(find, rig, estimated_road, render, as_disparities):
+def test_estimated_road_compensates_a_wrong_rig(rig):
     true = replace(rig, pitch=1.0)
     raw = render(true, boxes=[(0.0, 12.0, 2.0, 1.5)])
-    found = find(as_disparities(raw), rig, road=estimated_road)
+    found = find(as_disparities(raw), rig, road=ESTIMATED_ROAD)
     box = ~np.isnan(found.disparity[0])
     assert np.count_nonzero(box) == pytest.approx(2.0 * rig.focal / 12.0, abs=2)
     assert_allclose(rig.focal * rig.baseline / found.disparity[0][box], 12.0, rtol=0.02)
@@ -234,39 +224,35 @@ def test_histograms_count_the_obstacle_pixels(seed):
     highest = lowest + rng.integers(-50, 150, 30).astype(np.int32)
     scale = rng.uniform(0.11, 0.13, 30).astype(np.float32)
     expected = np.zeros((7, 33))
-    for u in range(7):
-        for v in range(30):
-            if lowest[v] <= columns[u, v] <= highest[v]:
-                expected[u, min(int(np.floor(columns[u, v] * scale[v] + np.float32(0.5))), 32)] += 1
+    for u, v in np.argwhere((lowest <= columns) & (columns <= highest)):
+        expected[u, min(int(np.floor(columns[u, v] * scale[v] + np.float32(0.5))), 32)] += 1
     assert np.array_equal(column_histograms(columns, lowest, highest, scale, 33), expected)
 
 
 @pytest.mark.parametrize("kind", ["polar", "column_disparity"])
-def test_occupancy_is_the_sum_of_the_likelihoods(rig, occupancies, kind):
+def test_occupancy_is_the_sum_of_the_likelihoods(rig, kind):
     """Against equation (6) itself, pixel by pixel, averaged over the cell by sampling."""
     rng = np.random.default_rng(1)
-    grid = layout(with_constants(occupancies[kind], relief=0.0), rig, 64)
+    grid = layout(with_constants(OCCUPANCIES[kind], relief=0.0), rig, 64)
     histogram = np.zeros((3, len(grid.likelihoods)), dtype=np.uint16)
     bins = rng.integers(8, 100, (3, 15))
-    for u in range(3):
-        np.add.at(histogram[u], bins[u], 1)
+    np.add.at(histogram, (np.arange(3)[:, None], bins), 1)
     got = fill(histogram, grid.likelihoods, grid.first, grid.last)
     for j in rng.integers(0, len(grid.depths), 12):
         half = grid.reaches[j] - 2.0 * 0.5
         z = grid.depths[j]
         middle = grid.disparities[j]
+        ends = np.array([middle - half, middle + half], dtype=np.float64)
         if kind == "polar":
             ends = rig.focal * rig.baseline / np.array([z + 0.125, z - 0.125], dtype=np.float64)
-        else:
-            ends = np.array([middle - half, middle + half], dtype=np.float64)
         samples = np.linspace(*ends, 2001)[:-1] + 0.5 * np.diff(ends) / 2000
         expected = normal(samples[None, None] - bins[..., None] / BINS_PER_PIXEL, 0.5)
         assert_allclose(got[:, j], expected.sum(axis=1).mean(axis=1), atol=1e-3)
 
 
-def test_relief_widens_only_near_cells(rig, occupancies):
-    flat = layout(with_constants(occupancies["polar"], relief=0.0), rig, 64)
-    rough = layout(with_constants(occupancies["polar"], relief=0.3), rig, 64)
+def test_relief_widens_only_near_cells(rig):
+    flat = layout(with_constants(OCCUPANCIES["polar"], relief=0.0), rig, 64)
+    rough = layout(with_constants(OCCUPANCIES["polar"], relief=0.3), rig, 64)
     assert rough.peaks[0] < 0.6 * flat.peaks[0]
     assert rough.peaks[-1] == pytest.approx(flat.peaks[-1], rel=1e-2)
     # A peak is the most that a pixel gives.
@@ -279,20 +265,19 @@ def test_lateral_spread_sums_over_the_columns():
     starts, widths = np.array([-5.0, 3.2, 10.1]), np.array([7.0, 4.3, 0.6])
     edges = starts + widths * np.arange(9)[:, None]
     got = spread_laterally(polar, starts, widths, 8, 1.3)
-    for i in range(8):
-        for j in range(3):
-            ends = edges[i, j], edges[i + 1, j]
-            samples = np.linspace(*ends, 2001)[:-1] + 0.5 * (ends[1] - ends[0]) / 2000
-            density = normal(samples[:, None] - np.arange(40), 1.3).mean(axis=0)
-            assert got[i, j] == pytest.approx(density @ polar[:, j], abs=1e-3)
+    for i, j in np.ndindex(8, 3):
+        ends = edges[i, j], edges[i + 1, j]
+        samples = np.linspace(*ends, 2001)[:-1] + 0.5 * (ends[1] - ends[0]) / 2000
+        density = normal(samples[:, None] - np.arange(40), 1.3).mean(axis=0)
+        assert got[i, j] == pytest.approx(density @ polar[:, j], abs=1e-3)
 
 
-def test_cartesian_grid_is_resampled_to_the_columns(rig, road, occupancies, render):
+def test_cartesian_grid_is_resampled_to_the_columns(rig):
     columns = np.ascontiguousarray(render(rig, boxes=[(-1.0, 12.0, 3.0, 1.5)], wall=30.0).T)
     line = road_line(0.0, rig.camera_height, rig)
-    grids = {k: layout(o, rig, 64) for k, o in occupancies.items()}
-    _, polar = accumulate(columns, line, road, grids["polar"])
-    _, cartesian = accumulate(columns, line, road, grids["cartesian"])
+    grids = {k: layout(o, rig, 64) for k, o in OCCUPANCIES.items()}
+    _, polar = accumulate(columns, line, ROAD, grids["polar"])
+    _, cartesian = accumulate(columns, line, ROAD, grids["cartesian"])
     back = to_polar(cartesian, grids["cartesian"])
     u = 140
     assert np.argmax(back[u]) == np.argmax(polar[u])
@@ -300,18 +285,12 @@ def test_cartesian_grid_is_resampled_to_the_columns(rig, road, occupancies, rend
 
 
 @pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])
-def test_displayed_grid_shows_the_box_at_its_place(
-    rig, road, occupancies, render, as_disparities, kind
-):
+def test_displayed_grid_shows_the_box_at_its_place(rig, kind):
     empty, box = render(rig), render(rig, boxes=[(1.0, 12.0, 2.0, 1.5)])
-    free = FreeSpace(
-        4,
-        np.full((2, rig.width), np.nan, dtype=np.float32),
-        np.full((2, rig.width), -1, dtype=np.int32),
-        np.tile(road_line(0.0, rig.camera_height, rig), (2, 1)),
-    )
+    nothing = np.full((2, rig.width), np.nan, np.float32), np.full((2, rig.width), -1, np.int32)
+    free = FreeSpace(4, *nothing, np.tile(road_line(0.0, rig.camera_height, rig), (2, 1)))
     disparities = as_disparities(empty, box, first=4)
-    arguments = (disparities, free, rig, road, occupancies[kind])
+    arguments = (disparities, free, rig, ROAD, OCCUPANCIES[kind])
     grid = picture_grid(*arguments, frame=5)
     assert grid.kind == kind
     assert grid.values.shape == (len(grid.depths), len(grid.laterals))
@@ -325,12 +304,7 @@ def test_displayed_grid_shows_the_box_at_its_place(
 
 
 ONE = np.float32(1.0)
-
-
-def path_cost(path, costs, depths, cost, limit):
-    z = depths[path]
-    steps = cost * np.minimum(np.abs(np.diff(z)), limit)
-    return costs[np.arange(len(path)), path].sum(dtype=np.float64) + steps.sum(dtype=np.float64)
+COSTS = (st.sampled_from([0.0, 0.05, 0.3, 5.0]), st.sampled_from([0.5, 3.0, 100.0]))
 
 
 def least_cost(costs, depths, cost, limit):
@@ -342,21 +316,15 @@ def least_cost(costs, depths, cost, limit):
     return total.min()
 
 
-@given(
-    st.integers(0, 2**32 - 1),
-    st.integers(1, 30),
-    st.integers(1, 24),
-    st.sampled_from([0.0, 0.05, 0.3, 5.0]),
-    st.sampled_from([0.5, 3.0, 100.0]),
-)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 30), st.integers(1, 24), *COSTS)
 def test_path_has_the_least_cost(seed, width, rows, cost, limit):
     rng = np.random.default_rng(seed)
     costs = rng.random((width, rows)).astype(np.float32)
     depths = np.sort(rng.uniform(3.0, 30.0, rows)).astype(np.float32)
     path = cheapest_path(costs, depths, np.float32(cost), np.float32(limit))
-    assert path_cost(path, costs, depths, cost, limit) == pytest.approx(
-        least_cost(costs, depths, cost, limit), rel=1e-5
-    )
+    steps = cost * np.minimum(np.abs(np.diff(depths[path])), limit)
+    found = costs[np.arange(width), path].sum(dtype=np.float64) + steps.sum(dtype=np.float64)
+    assert found == pytest.approx(least_cost(costs, depths, cost, limit), rel=1e-5)
 
 
 def brute_costs(column, inverse_requirement, bound, free_cost):
@@ -418,9 +386,8 @@ def pixels_of_level(rig, points_level):
 
 @given(st.sampled_from([PITCHED, TALL_PIXELS]), st.floats(-0.2, 0.2), st.floats(0.5, 4.0))
 def test_road_line_and_camera_pose_are_inverse(rig, pitch, height):
-    assert pitch_and_height(road_line(pitch, height, rig), rig) == pytest.approx(
-        (pitch, height), abs=1e-9
-    )
+    found = pitch_and_height(road_line(pitch, height, rig), rig)
+    assert found == pytest.approx((pitch, height), abs=1e-9)
 
 
 @pytest.mark.parametrize("rig", [PITCHED, TALL_PIXELS])
@@ -450,11 +417,7 @@ def test_obstacle_limits_match_heights_of_unprojected_pixels(rig, least, greates
     expected = (above > least) & (above < greatest) & (margin > 1.0)
     got = (raw >= lowest[:, None]) & (raw <= highest[:, None])
     # At equality rounding decides.
-    clear = (
-        (np.abs(above - least) > 1e-9)
-        & (np.abs(above - greatest) > 1e-9)
-        & (np.abs(margin - 1.0) > 1e-9)
-    )
+    clear = np.min([abs(above - least), abs(above - greatest), abs(margin - 1.0)], axis=0) > 1e-9
     assert np.array_equal(got[clear], expected[clear])
 
 
@@ -462,37 +425,33 @@ def test_v_disparity_counts_every_pixel():
     rng = np.random.default_rng(3)
     columns = rng.integers(-1, 16 * 16, (20, 9)).astype(np.int16)
     expected = np.zeros((9, 64), dtype=np.int32)
-    for u in range(0, 20, 3):
-        for v in range(9):
-            if columns[u, v] > 0:
-                expected[v, columns[u, v] // 4] += 1
+    for u, v in np.argwhere(columns > 0):
+        expected[v, columns[u, v] // 4] += u % 3 == 0
     assert np.array_equal(v_disparity(columns, 16, 3), expected)
 
 
 @pytest.mark.parametrize("pitch, height", [(0.0, 1.4), (1.3, 1.35), (-0.8, 1.5)])
-def test_road_estimate_finds_the_plane_under_noise_and_obstacles(
-    rig, estimated_road, render, pitch, height
-):
+def test_road_estimate_finds_the_plane_under_noise_and_obstacles(rig, pitch, height):
     true = replace(rig, pitch=pitch, camera_height=height)
     raw = render(true, boxes=[(-1.0, 12.0, 4.0, 1.5), (3.0, 20.0, 2.0, 2.0)], wall=40.0)
     rng = np.random.default_rng(5)
     noisy = raw + np.rint(rng.normal(0.0, 5.0, raw.shape)).astype(np.int16)
     noisy = np.where((rng.random(raw.shape) < 0.2) | (raw < 0), -1, np.maximum(noisy, 0))
     columns = np.ascontiguousarray(noisy.T.astype(np.int16))
-    line = find_road(columns, 64, rig, estimated_road)
+    line = find_road(columns, 64, rig, ESTIMATED_ROAD)
     found_pitch, found_height = pitch_and_height(line, rig)
     assert np.degrees(found_pitch) == pytest.approx(pitch, abs=0.1)
     assert found_height == pytest.approx(height, rel=0.02)
 
 
-def test_road_of_the_rig_is_used_without_votes_or_estimate(rig, road, estimated_road):
+def test_road_of_the_rig_is_used_without_votes_or_estimate(rig):
     nothing = np.full((rig.width, rig.height), -1, dtype=np.int16)
     expected = road_line(0.0, 1.4, rig)
-    assert np.array_equal(find_road(nothing, 64, rig, estimated_road), expected)
-    assert np.array_equal(find_road(nothing, 64, rig, road), expected)
+    assert np.array_equal(find_road(nothing, 64, rig, ESTIMATED_ROAD), expected)
+    assert np.array_equal(find_road(nothing, 64, rig, ROAD), expected)
 
 
-def test_all_is_known_where_road_and_obstacles_have_disparities(find, render, rig, as_disparities):
+def test_all_is_known_where_road_and_obstacles_have_disparities(rig):
     raw = render(rig, boxes=[(0.0, 10.0, 2.0, 1.5)], wall=30.0)
     assert np.all(find(as_disparities(raw), rig).unknown_row == -1)
     # A few missing pixels do not matter.
@@ -500,7 +459,7 @@ def test_all_is_known_where_road_and_obstacles_have_disparities(find, render, ri
     assert np.all(find(as_disparities(raw), rig).unknown_row == -1)
 
 
-def test_object_without_disparity_is_unknown_and_not_free(find, render, rig, as_disparities):
+def test_object_without_disparity_is_unknown_and_not_free(rig):
     """A dark box is not found, but the place where it meets the road is."""
     raw = render(rig, wall=30.0)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
@@ -517,16 +476,14 @@ def test_object_without_disparity_is_unknown_and_not_free(find, render, rig, as_
     assert np.all(find(as_disparities(hidden), rig).unknown_row == -1)
 
 
-def test_a_surface_that_is_neither_road_nor_obstacle_is_unknown(
-    find, render, rig, as_disparities, free_space
-):
+def test_a_surface_that_is_neither_road_nor_obstacle_is_unknown(rig):
     """A glossy car mirrors the street: its disparities are those of a plane above the road."""
     raw = render(rig, wall=30.0)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     rows = slice(110, 140)
     above = 16.0 * (line[0] * np.arange(rig.height) + line[1]) / (1.0 - 0.7 / rig.camera_height)
     raw[rows, 100:140] = np.rint(above[rows, None])
-    high = replace(free_space, obstacle_height=1.2)
+    high = replace(FREE_SPACE, obstacle_height=1.2)
     found = find(as_disparities(raw), rig, free_space=high)
     assert np.isnan(found.disparity[0, 105:135]).all() or (found.base_row[0, 105:135] < 110).all()
     assert np.all(found.unknown_row[0, 105:135] == 139)

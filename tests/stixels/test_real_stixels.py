@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from boxed_road import parked
 from pydantic import TypeAdapter
 from real_data import real_data
 
@@ -18,7 +19,6 @@ from stixel_cli.images import ImageStack
 from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.rendering.frames import StereoPairs
-from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 from stixel_cli.stereo.matching import match
 from stixel_cli.stixels.extraction import extract_stixels
@@ -40,13 +40,14 @@ def shipped(schema, option):
     values = yaml.safe_load((CONF / f"{option}.yaml").read_text())
     group = option.partition("/")[0]
     # As `stixel run` sets them for recordings.
-    suitable = {
-        key.removeprefix(f"{group}."): value
-        for one in values_beside_groups("recorded")["source"]["values"]
-        for key, value in one["set"].items()
-        if key.startswith(f"{group}.") and key.removeprefix(f"{group}.") in values
-    }
-    return TypeAdapter(schema).validate_json(json.dumps(values | suitable))
+    sets = [one["set"] for one in values_beside_groups("recorded")["source"]["values"]]
+    own = {key: one[f"{group}.{key}"] for one in sets for key in values if f"{group}.{key}" in one}
+    return TypeAdapter(schema).validate_json(json.dumps(values | own))
+
+
+SGM = shipped(StereoParameters, "stereo/sgm")
+FREE_SPACE = shipped(FreeSpaceParameters, "free_space/default")
+ESTIMATED = shipped(RoadParameters, "road/estimated")
 
 
 @pytest.fixture(scope="module")
@@ -56,43 +57,31 @@ def data():
 
 def free_space_of(disparities, rig, road):
     """Free space of a single frame."""
-    return find_free_space(
-        disparities,
-        EgoMotion(np.zeros(1), np.array([[0.0, 0.0, np.pi / 2]])),
-        rig,
-        shipped(RoadParameters, f"road/{road}"),
-        shipped(OccupancyParameters, "occupancy/polar"),
-        shipped(FreeSpaceParameters, "free_space/default"),
-        range(1),
-        None,
-    )
+    occupancy = shipped(OccupancyParameters, "occupancy/polar")
+    parameters = shipped(RoadParameters, f"road/{road}"), occupancy, FREE_SPACE
+    return find_free_space(disparities, parked(1), rig, *parameters, range(1), None)
 
 
 def processed(rig, left, right, road="rig", **stereo):
     """Free space and stixels of a pair of files; `stereo` replaces values of that group."""
-    grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (left, right)]
-    pairs = StereoPairs(0, *(ImageStack.from_images([image]) for image in grey))
-    frames = range(1)
-    parameters = replace(shipped(StereoParameters, "stereo/sgm"), **stereo)
-    disparities = match(pairs, parameters, rig, frames)
+    pairs, parameters = pairs_of(left, right), replace(SGM, **stereo)
+    disparities = match(pairs, parameters, rig, range(1))
     free_space = free_space_of(disparities, rig, road)
-    return free_space, extract_stixels(
-        disparities,
-        free_space,
-        pairs,
-        rig,
-        shipped(HeightParameters, "height/default"),
-        shipped(ExtractionParameters, "extraction/default"),
-        frames,
-    )
+    height = shipped(HeightParameters, "height/default")
+    parameters = rig, height, shipped(ExtractionParameters, "extraction/default")
+    return free_space, extract_stixels(disparities, free_space, pairs, *parameters, range(1))
+
+
+def pairs_of(left, right):
+    grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (left, right)]
+    return StereoPairs(0, *(ImageStack.from_images([image]) for image in grey))
 
 
 def errors_in_areas(stixels, u, v, disparity):
     """Stixel's disparity minus the median of the measured ones in its lower two thirds, px."""
     errors = []
-    for left, right, top, base, d in zip(
-        stixels.left, stixels.right, stixels.top, stixels.base, stixels.disparity, strict=True
-    ):
+    columns = stixels.left, stixels.right, stixels.top, stixels.base, stixels.disparity
+    for left, right, top, base, d in zip(*columns, strict=True):
         # The lowest rows see the road as well, and the upper end may overlap what is behind.
         rows = base - top + 1
         inside = (u >= left) & (u < right) & (v >= base - 0.7 * rows) & (v <= base - 0.1 * rows)
@@ -134,9 +123,7 @@ def test_dark_car_beside_the_camera_is_unknown_and_not_free(data):
 
 def test_half_the_size_finds_more_of_a_dark_car(data):
     rig, left, right, truth = pair_with_truth(data, "kitti_object")
-    road = shipped(RoadParameters, "road/estimated")
-    free_space = shipped(FreeSpaceParameters, "free_space/default")
-    true = true_obstacles(truth, rig, road, free_space)
+    true = true_obstacles(truth, rig, ESTIMATED, FREE_SPACE)
     columns = {}
     for count in (None, 64):
         found, _ = processed(rig, left, right, "estimated", disparities_at_full_size=count)
@@ -174,12 +161,11 @@ def test_stixels_agree_with_the_lidar(data):
     assert np.mean(np.abs(errors) > 3) < 0.3
 
 
-TRUE_PAIRS = {
-    "kitti2012": ("000000_10_left", "000000_10_right", "000000_10_disp_occ"),
-    "kitti2015": ("000000_10_left", "000000_10_right", "000000_10_disp_occ"),
-    "kitti2012_more 000074": ("image_0/000074_10", "image_1/000074_10", "disp_occ/000074_10"),
-    "kitti2012_more 000174": ("image_0/000174_10", "image_1/000174_10", "disp_occ/000174_10"),
-}
+FIRST = tuple(f"000000_10_{name}" for name in ("left", "right", "disp_occ"))
+TRUE_PAIRS = {"kitti2012": FIRST, "kitti2015": FIRST}
+for number in ("000074", "000174"):
+    files = tuple(f"{name}/{number}_10" for name in ("image_0", "image_1", "disp_occ"))
+    TRUE_PAIRS[f"kitti2012_more {number}"] = files
 CALIBRATIONS = {
     "kitti2012": (707.0912, 601.8873, 183.1104, 0.5379),
     "kitti2015": (721.5377, 609.5593, 172.854, 0.5327254),
@@ -214,9 +200,7 @@ def pair_with_truth(data, name):
 def test_no_obstacle_nearer_than_6_m_is_called_free(data, name):
     rig, left, right, truth = pair_with_truth(data, name)
     free_space, _ = processed(rig, left, right, "estimated")
-    road = shipped(RoadParameters, "road/estimated")
-    parameters = shipped(FreeSpaceParameters, "free_space/default")
-    obstacles = true_obstacles(truth, rig, road, parameters)
+    obstacles = true_obstacles(truth, rig, ESTIMATED, FREE_SPACE)
     free = called_free(free_space, 0, obstacles, rig, 6.0)
     with np.errstate(invalid="ignore"):
         near = np.count_nonzero(obstacles < 6.0)
@@ -250,15 +234,12 @@ def without_roll(raw, rig, rows):
 def test_the_roll_of_the_road_does_not_matter(data, name):
     # docs/real-data.md has these figures, and the reason why the road has no roll.
     rig, left, right, truth = pair_with_truth(data, name)
-    grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (left, right)]
-    pairs = StereoPairs(0, *(ImageStack.from_images([image]) for image in grey))
-    level = match(pairs, shipped(StereoParameters, "stereo/sgm"), rig, range(1))
-    raw, road = level.raw(0), shipped(RoadParameters, "road/estimated")
-    line = find_road(np.ascontiguousarray(raw.T), level.count, rig, road)
+    level = match(pairs_of(left, right), SGM, rig, range(1))
+    raw = level.raw(0)
+    line = find_road(np.ascontiguousarray(raw.T), level.count, rig, ESTIMATED)
     rows = rows_per_column(raw, rig, line)
     turned = Disparities.from_raw(0, level.count, [without_roll(raw, rig, rows)])
-    parameters = shipped(FreeSpaceParameters, "free_space/default")
-    obstacles = true_obstacles(truth, rig, road, parameters)
+    obstacles = true_obstacles(truth, rig, ESTIMATED, FREE_SPACE)
     seen, found = np.isfinite(obstacles), []
     for disparities in (level, turned):
         free_space = free_space_of(disparities, rig, "estimated")
@@ -266,17 +247,13 @@ def test_the_roll_of_the_road_does_not_matter(data, name):
         right_ones = seen & (np.abs(depth / obstacles - 1.0) < 0.1)
         found.append((right_ones.sum(), (seen & np.isnan(depth)).sum()))
         assert not called_free(free_space, 0, obstacles, rig, 6.0).any()
-    print(
-        f"\n{name}: roll {np.degrees(np.arctan(rows)):.2f}°; of {seen.sum()} columns with an "
-        f"obstacle, within 10 % of its depth: {found[0][0]}, with roll {found[1][0]}; free: "
-        f"{found[0][1]}, with roll {found[1][1]}"
-    )
+    print(f"\n{name}: roll {np.degrees(np.arctan(rows)):.2f}°; of {seen.sum()} columns with an "
+          f"obstacle, within 10 % of its depth: {found[0][0]}, with roll {found[1][0]}; free: "
+          f"{found[0][1]}, with roll {found[1][1]}")  # fmt: skip
     assert abs(found[0][0] - found[1][0]) < 0.03 * seen.sum()
 
 
 def summary(errors):
     size = np.abs(errors)
-    return (
-        f"{len(size)} stixels, median {np.median(errors):+.2f} px, median size "
-        f"{np.median(size):.2f} px, above 3 px {np.mean(size > 3):.2f}"
-    )
+    medians = f"median {np.median(errors):+.2f} px, median size {np.median(size):.2f} px"
+    return f"{len(size)} stixels, {medians}, above 3 px {np.mean(size > 3):.2f}"

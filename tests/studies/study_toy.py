@@ -1,6 +1,8 @@
 """A small study made for the tests: its file, and its module."""
 
 import copy
+import functools
+import operator
 
 import pandas as pd
 import yaml
@@ -10,45 +12,31 @@ from stixel_cli.studies.report import Material, with_columns
 FEW = {"measurement": "fabricated", "path.duration": 0.3, "executor": "threads"}
 """Three scans, computed without starting a process."""
 
-TOY = {
-    "title": "A <toy> & its title",
-    "question": "What comes of it?",
-    "module": "toy.py",
-    "sweeps": {
-        "first": {
-            "fixed": FEW,
-            "axes": {"tracker": ["gp_ekf", "point"]},
-            "zipped": [{"road_user": ["car", "pedestrian"], "path": ["turn", "crossing"]}],
-            "seeds": 2,
-            "results": ["scans", "track"],
-        },
-        "second": {"fixed": FEW, "seeds": 1, "results": ["scans"], "derive": "widths"},
-    },
-    "questions": {
-        "trackers": {
-            "heading": "One & only",
-            "note": "By <hand>.",
-            "sweeps": "first",
-            "by": "road_user",
-            "metrics": ["iou_mean", "points_of_scans"],
-        },
-        "widths": {"sweeps": "second", "compare": "tracker.sigma_f", "metrics": "iou_mean"},
-    },
-    "text": "<b> IoU. {trackers}.\n\nBy width:\n{widths}.\n",
+FIRST = {
+    "fixed": FEW,
+    "axes": {"tracker": ["gp_ekf", "point"]},
+    "zipped": [{"road_user": ["car", "pedestrian"], "path": ["turn", "crossing"]}],
+    "seeds": 2,
+    "results": ["scans", "track"],
 }
+SECOND = {"fixed": FEW, "seeds": 1, "results": ["scans"], "derive": "widths"}
+TRACKERS = {"heading": "One & only", "note": "By <hand>.", "sweeps": "first", "by": "road_user"}
+TRACKERS |= {"metrics": ["iou_mean", "points_of_scans"]}
+WIDTHS = {"sweeps": "second", "compare": "tracker.sigma_f", "metrics": "iou_mean"}
+TOY = {"title": "A <toy> & its title", "question": "What comes of it?", "module": "toy.py"}
+TOY |= {"sweeps": {"first": FIRST, "second": SECOND}}
+TOY |= {"questions": {"trackers": TRACKERS, "widths": WIDTHS}}
+TOY |= {"text": "<b> IoU. {trackers}.\n\nBy width:\n{widths}.\n"}
 
 
 def changed(where, value):
     """The file's content with one entry changed, or left out if `value` is None."""
     content = copy.deepcopy(TOY)
     *outer, last = where
-    inner = content
-    for name in outer:
-        inner = inner[name]
+    inner = functools.reduce(operator.getitem, outer, content)
+    inner[last] = value
     if value is None:
         del inner[last]
-    else:
-        inner[last] = value
     return content
 
 

@@ -12,6 +12,7 @@ import pytest
 from stixel_cli.answers.runs import Runs
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import MissingData
+from stixel_cli.geometry.pose import rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
@@ -44,25 +45,13 @@ def test_metrics_of_the_stages_of_rq1():
          "pixels": [100, 0, 0], "gross": [20, 0, 0], "total": [30.0, 0.0, 0.0],
          "squares": [15.0, 0.0, 0.0]}
     )  # fmt: skip
-    found = rq1.stage_metrics(frames, stixels)
-    assert found == pytest.approx(
-        {
-            "depth_bias_m": 0.1,
-            "depth_rms_m": np.sqrt(0.05),
-            "own_pixels_rms_m": 0.1,
-            "stixel_disparity_rms_px": np.sqrt(0.5),
-            "stixel_gross_share": 1 / 3,
-            "squared_error_over_variance": 2.0,
-            "height_bias_m": 0.2,
-            "lateral_rms_m": np.sqrt(0.02),
-            "columns_without_stixel_share": 0.1,
-            "missed_columns_share": 0.5,
-            "pixel_density_share": 0.8,
-            "pixel_gross_share": 0.25,
-            "pixel_bias_px": 0.5,
-            "pixel_rms_px": 0.5,
-        }
-    )
+    expected = {"depth_bias_m": 0.1, "depth_rms_m": np.sqrt(0.05), "own_pixels_rms_m": 0.1}
+    expected |= {"stixel_disparity_rms_px": np.sqrt(0.5), "stixel_gross_share": 1 / 3}
+    expected |= {"squared_error_over_variance": 2.0, "height_bias_m": 0.2}
+    expected |= {"lateral_rms_m": np.sqrt(0.02), "columns_without_stixel_share": 0.1}
+    expected |= {"missed_columns_share": 0.5, "pixel_density_share": 0.8}
+    expected |= {"pixel_gross_share": 0.25, "pixel_bias_px": 0.5, "pixel_rms_px": 0.5}
+    assert rq1.stage_metrics(frames, stixels) == pytest.approx(expected)
     nothing = rq1.stage_metrics(frames[:0], stixels[:0])
     assert np.isnan([*nothing.values()]).all()
 
@@ -93,34 +82,22 @@ def errors_of(bias, count=400, scans=4):
     scan = np.repeat(np.arange(scans), count // scans)
     disparities = rng.normal(0.0, 0.1, count)
     columns = np.tile(np.arange(count // scans, dtype=float), scans)
-    return PointErrors(
-        times=0.1 * np.arange(scans),
-        spacing=1.0,
-        scans=scan,
-        columns=columns,
-        along=bias - 0.4 * disparities,
-        disparities=disparities,
-        range_sensitivities=np.full(count, -0.4),
-        inside=np.minimum(columns, columns[::-1]) + 1.0,
-        covered=np.ones(count, bool),
-        reach_left=np.zeros(scans),
-        reach_right=np.zeros(scans),
-        columns_per_metre=np.full(scans, 40.0),
-        clutter=np.array([0, 1, 0, 1]),
-    )
+    of_points = {"scans": scan, "columns": columns, "covered": np.ones(count, bool)}
+    of_points |= {"disparities": disparities, "along": bias - 0.4 * disparities}
+    of_points |= {"range_sensitivities": np.full(count, -0.4)}
+    of_points |= {"inside": np.minimum(columns, columns[::-1]) + 1.0}
+    of_scans = {"times": 0.1 * np.arange(scans), "columns_per_metre": np.full(scans, 40.0)}
+    of_scans |= dict.fromkeys(("reach_left", "reach_right"), np.zeros(scans))
+    return PointErrors(spacing=1.0, clutter=np.array([0, 1, 0, 1]), **of_points, **of_scans)
 
 
 def test_noise_is_fitted_to_the_other_paths_of_a_road_user():
-    errors = {
-        ("car", "turn"): [errors_of(0.1)],
-        ("car", "crossing"): [errors_of(0.5)],
-        ("bus", "turn"): [errors_of(0.9)],
-    }
-    noises = rq3.held_out_noises(errors)
-    bias = {key: noise.range_bias for key, noise in noises.items()}
+    biases = {("car", "turn"): 0.1, ("car", "crossing"): 0.5, ("bus", "turn"): 0.9}
+    noises = rq3.held_out_noises({key: [errors_of(bias)] for key, bias in biases.items()})
+    found = {key: noise.range_bias for key, noise in noises.items()}
     # One path alone is fitted to itself.
     expected = {("car", "turn"): 0.5, ("car", "crossing"): 0.1, ("bus", "turn"): 0.9}
-    assert bias == pytest.approx(expected, abs=0.05)
+    assert found == pytest.approx(expected, abs=0.05)
 
 
 def test_runs_of_rq3_have_the_statistics_of_their_points():
@@ -129,9 +106,8 @@ def test_runs_of_rq3_have_the_statistics_of_their_points():
     def run(bias):
         return SimpleNamespace(load=lambda stage: loaded.append(stage) or errors_of(bias))
 
-    runs = frame(
-        road_user=["car"] * 3, path=["turn"] * 3, tracker=["a", "b", "a"], seed=["0", "0", "1"]
-    )
+    trackers = {"tracker": ["a", "b", "a"], "seed": ["0", "0", "1"]}
+    runs = frame(road_user=["car"] * 3, path=["turn"] * 3, **trackers)
     found = rq3.columns("simulated", runs, [run(0.1), run(0.1), run(0.3)])
     # Trackers share the points, which are read once.
     assert loaded == ["point_errors"] * 2
@@ -165,9 +141,8 @@ def test_a_target_is_found_again_one_second_after_a_gap():
     configuration = compose(["measurement=stixels", "measurement.dropout=[0.5,1.0]"]).configuration
     times = 7.0 + 0.5 * np.arange(6)
     overlaps = np.array([0.9, 0.9, 0.1, 0.1, 0.4, 0.1])
-    run = SimpleNamespace(
-        configuration=configuration, scores=SimpleNamespace(times=times, iou_box=overlaps)
-    )
+    scores = SimpleNamespace(times=times, iou_box=overlaps)
+    run = SimpleNamespace(configuration=configuration, scores=scores)
     assert robustness._found_again(run) == 1.0
     overlaps[4] = 0.39
     assert robustness._found_again(run) == 0.0
@@ -179,14 +154,11 @@ def test_what_is_hidden_counts_only_while_it_is_shown_and_must_be_found_soon():
     scans = [near if k in (0, 1, 8, 9) else far for k in range(10)]
     scans = [(points, np.tile(np.eye(2), (len(points), 1, 1))) for points in scans]
     scans = Scans.of_each(0.1 * np.arange(10), np.zeros((10, 3)), scans)
-    scenario = SimpleNamespace(
-        contours_target=np.array([[[2.0, 1.0], [-2.0, 1.0], [-2.0, -1.0], [2.0, -1.0]]]),
-        target_poses_world=np.tile([3.0, 9.0, 0.0], (10, 1)),
-    )
+    poses, contours = np.tile([3.0, 9.0, 0.0], (10, 1)), rectangle(4.0, 2.0)[None]
+    scenario = SimpleNamespace(contours_target=contours, target_poses_world=poses)
     overlaps = np.array([0.8, 0.6, *[0.0] * 6, 0.1, 0.5])
-    run = SimpleNamespace(
-        load={"scenario": scenario, "scans": scans}.get, scores=SimpleNamespace(iou_box=overlaps)
-    )
+    load = {"scenario": scenario, "scans": scans}.get
+    run = SimpleNamespace(load=load, scores=SimpleNamespace(iou_box=overlaps))
     assert robustness._while_shown(run) == (pytest.approx(0.5), 1.0)
     overlaps[9] = 0.3
     assert robustness._while_shown(run)[1] == 0.0
@@ -198,10 +170,8 @@ def test_a_real_track_is_a_motion_and_a_hand_made_path_is_one():
     def run(**path):
         return SimpleNamespace(configuration=SimpleNamespace(path=SimpleNamespace(**path)))
 
-    results = [
-        run(sequence="0001", folder="/x/kitti", target=3),
-        run(sequence=None, folder="/x/7fab2350-7eaf", target="022c398c-d1d2"),
-    ]
+    log = run(sequence=None, folder="/x/7fab2350-7eaf", target="022c398c-d1d2")
+    results = [run(sequence="0001", folder="/x/kitti", target=3), log]
     settings = {"path": ["recorded"] * 2, "path.target": ["3", "0"], "tracker": ["point"] * 2}
     runs = frame(**settings, seed=["0", "1"])
     found = motions.columns("real", runs, results)
@@ -233,10 +203,8 @@ def recordings(tmp_path, monkeypatch):
 def test_recordings_are_those_of_the_users_data(recordings):
     (axes,) = robustness.pandaset()
     assert axes["road_user"] == ["car", "pedestrian"]
-    folder = recordings / "pandaset"
-    assert axes["measurement.truth"] == [
-        str(folder / name / "truth.csv") for name in ("car-a", "pedestrian-b")
-    ]
+    folders = [recordings / "pandaset" / name for name in ("car-a", "pedestrian-b")]
+    assert axes["measurement.truth"] == [str(folder / "truth.csv") for folder in folders]
     assert {*axes} == {"road_user", *(f"measurement.{name}" for name in ("path", "ego", "truth"))}
     (axes,) = robustness.lidarrm()
     assert axes["measurement.path"] == [str(recordings / "lidarrm/default-00/scans.csv")]
@@ -249,10 +217,8 @@ def test_shapes_are_shipped_meshes_of_their_class():
     names = [(user, Path(mesh).stem) for user, mesh in zip(*axes.values(), strict=True)]
     assert ("car", "trapezium") in names and ("cyclist", "cargo_bike") in names
     assert len(robustness.held_out()[0]["road_user"]) >= 3
-    assert {Path(mesh).stem for mesh in robustness.odd()[0]["road_user.mesh"]} >= {
-        "truck",
-        "stroller",
-    }
+    odd = {Path(mesh).stem for mesh in robustness.odd()[0]["road_user.mesh"]}
+    assert {"truck", "stroller"} <= odd
 
 
 def test_without_data_one_line_names_the_variable(studies, recordings, monkeypatch):
@@ -314,9 +280,8 @@ SIZES = {"Car": "1.5 1.8 4.2", "Cyclist": "1.7 0.6 1.8", "Pedestrian": "1.7 0.6 
 
 
 def label(frame, target, kind, x, z, truncated=0, occluded=0):
-    return (
-        f"{frame} {target} {kind} {truncated} {occluded} 0 0 0 9 9 {SIZES[kind]} {x} 1.65 {z} -1.5"
-    )
+    place = f"{SIZES[kind]} {x} 1.65 {z} -1.5"
+    return f"{frame} {target} {kind} {truncated} {occluded} 0 0 0 9 9 {place}"
 
 
 def row(*rows):
@@ -348,21 +313,14 @@ def data(tmp_path_factory):
         "0001": [label(k, 0, "Cyclist", 1.0, 8.0) for k in range(few)]
         + [label(k, 1, "Pedestrian", -1.0, 7.0) for k in range(few)],
     }
-    camera = ([150.0, 0.0, 78.0], [0.0, 150.0, 40.0], [0.0, 0.0, 1.0])
+    others = "0 150 40 0 0 0 1 0"
+    calibration = [f"P2: 150 0 78 0 {others}", f"P3: 150 0 78 -75 {others}"]
+    ways = [[0, 0, 1.0, 0.2 * k] for k in range(few + 5)]
+    poses = [row([1.0, 0, 0, 0], [0, 1.0, 0, 0], way) for way in ways]
     for name, rows in clips.items():
-        texts = {
-            "label_02": "\n".join(rows),
-            "calib": "\n".join(
-                f"{p}: {row(*([*line, t if i == 0 else 0.0] for i, line in enumerate(camera)))}"
-                for p, t in (("P2", 0.0), ("P3", -75.0))
-            ),
-            "ego_poses": "\n".join(
-                row([1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0.2 * k]) for k in range(few + 5)
-            ),
-        }
-        for kind, text in texts.items():
+        for kind, lines in (("label_02", rows), ("calib", calibration), ("ego_poses", poses)):
             (root / kind).mkdir(parents=True, exist_ok=True)
-            (root / kind / f"{name}.txt").write_text(text + "\n")
+            (root / kind / f"{name}.txt").write_text("\n".join(lines) + "\n")
     return folder
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from itertools import product
 
 import pandas as pd
 import pytest
@@ -26,16 +27,13 @@ IOU = {"contour": 0.9, "gp_ekf": 0.8, "point": 0.5}
 def runs_of(users=("car",), paths=("turn",), seeds=6, trackers=tuple(IOU), lost=()):
     """Runs whose IoU depends on the tracker, and a little on path and seed; `lost` have failed."""
     rows = []
-    for user in users:
-        for tracker in trackers:
-            for i, path in enumerate(paths):
-                for seed in range(seeds):
-                    done = (tracker, seed) not in lost
-                    iou = IOU[tracker] + 0.01 * i + 0.002 * (seed % 3) + 0.001 * len(tracker) * seed
-                    row = {"road_user": user, "tracker": tracker, "path": path, "seed": seed}
-                    row |= {"status": "done" if done else "failed"}
-                    row |= {"iou_box_mean": iou if done else None, "track_lost": 0.0}
-                    rows.append(row | {"centre_rmse_m": 1.0 - iou if done else None})
+    for user, tracker, path, seed in product(users, trackers, paths, range(seeds)):
+        done, base = (tracker, seed) not in lost, IOU[tracker] + 0.01 * paths.index(path)
+        iou = base + 0.002 * (seed % 3) + 0.001 * len(tracker) * seed
+        row = {"road_user": user, "tracker": tracker, "path": path, "seed": seed}
+        row |= {"status": "done" if done else "failed"}
+        row |= {"iou_box_mean": iou if done else None, "track_lost": 0.0}
+        rows.append(row | {"centre_rmse_m": 1.0 - iou if done else None})
     return Runs(pd.DataFrame(rows), ("road_user", "tracker", "path", "seed"))
 
 
@@ -54,10 +52,8 @@ def test_a_question_has_an_answer_for_each_group_and_metric():
     assert section.brief.startswith("car: contour 0.9")
     cells = section.cells
     assert cells.header[:3] == ("road user", "tracker", "runs") and len(cells.rows) == 6
-    assert [row[:2] for row, marks in zip(cells.rows, cells.best, strict=True) if any(marks)] == [
-        ("car", "contour"),
-        ("pedestrian", "contour"),
-    ]
+    best = [row[:2] for row, marks in zip(cells.rows, cells.best, strict=True) if any(marks)]
+    assert best == [("car", "contour"), ("pedestrian", "contour")]
 
 
 @pytest.mark.parametrize(
@@ -102,8 +98,8 @@ def test_sweeps_are_compared_and_an_axis_of_one_alone_is_none_of_the_others():
     question = {"compare": "sweep", "within": "tracker", "over": "seed", "metrics": "iou_box_mean"}
     section = section_of(question | {"reference": "first"}, first=given, second=other)
     assert section.brief.startswith("second −0.3")
-    by_noise = section_of(question | {"by": "noise", "compare": "tracker", "within": []},
-                          first=given, second=other)  # fmt: skip
+    question |= {"by": "noise", "compare": "tracker", "within": []}
+    by_noise = section_of(question, first=given, second=other)
     assert [label for label, _ in by_noise.groups] == ["0.1"]
 
 
@@ -121,17 +117,15 @@ def test_further_columns_and_rows_of_a_module():
 
 
 def test_tables_of_other_columns_or_without_intervals_are_joined_by_their_headers():
-    one, two = (
-        section_of({"metrics": list(names)}, runs=runs_of(trackers=("point", "contour"))).cells
-        for names in (("iou_box_mean", "centre_rmse_m"), ("centre_rmse_m",))
-    )
+    runs = runs_of(trackers=("point", "contour"))
+    names = (["iou_box_mean", "centre_rmse_m"], ["centre_rmse_m"])
+    one, two = (section_of({"metrics": some}, runs=runs).cells for some in names)
     cells = joined("road_user", [("car", one), ("bus", two)])
     assert cells.header[0] == "road user" and len({*map(len, cells.rows)}) == 1
     assert [row[-2] for row in cells.rows][2:] == ["–", "–"]
     assert joined("", [("", one)]) == one
-    few, many = (
-        section_of({"metrics": "iou_box_mean"}, runs=runs_of(seeds=seeds)).cells for seeds in (2, 6)
-    )
+    runs = [runs_of(seeds=seeds) for seeds in (2, 6)]
+    few, many = (section_of({"metrics": "iou_box_mean"}, runs=some).cells for some in runs)
     cells = joined("road_user", [("car", few), ("bus", many)])
     assert len(cells.header) == 4 and cells.header[-1].endswith(INTERVAL)
     assert not any("–" in row for row in cells.rows)
@@ -140,18 +134,10 @@ def test_tables_of_other_columns_or_without_intervals_are_joined_by_their_header
 def test_files_of_a_report():
     section = section_of({"by": "road_user", "metrics": "iou_box_mean"}, runs=runs_of(("a/b ü",)))
     table = pd.DataFrame({"a": [1.5], "b": ["x"]})
-    report = Report(
-        ("One.",), (section,), Material({"Own: table": table}, {"own/x.yaml": "a: 1\n"})
-    )
-    files = files_of(report)
-    stem = "it-a-b-"
-    assert {*files} == {
-        *(f"tables/{stem}.{kind}" for kind in ("csv", "md", "tex")),
-        f"figures/{stem}.svg",
-        "tables/own-table.csv",
-        "report.json",
-        "own/x.yaml",
-    }
+    material = Material({"Own: table": table}, {"own/x.yaml": "a: 1\n"})
+    files = files_of(Report(("One.",), (section,), material))
+    tables = [f"tables/it-a-b-.{kind}" for kind in ("csv", "md", "tex")] + ["tables/own-table.csv"]
+    assert {*files} == {*tables, "figures/it-a-b-.svg", "report.json", "own/x.yaml"}
     content = json.loads(files["report.json"])
     assert content["answer"] == ["One."] and [*content["questions"]["it"]] == ["a/b ü"]
     assert content["questions"]["it"]["a/b ü"][0]["tracker"] == "contour"

@@ -25,21 +25,19 @@ from stixel_cli.sweeps.design import find_file
 
 MESHES = sorted((shipped_folder("pipelines") / "studies" / "meshes").glob("*/*.obj"))
 TABLES = "/data/{}/scans.csv"
+TRACKS = {"path.target": [3, 8], "seed": [0, 1]}
+NOISES = {"road_user": ["car"] * 3 + ["cyclist"] * 3 + ["pedestrian"] * 3}
+NOISES |= {"path": ["turn", "crossing", "approach"] * 3}
+NOISES |= {"measurement.noise.range_bias": [0.1 * i for i in range(9)]}
+CARS = {"road_user": ["car"] * 2, "measurement.path": [*map(TABLES.format, ("car-a", "car-b"))]}
 DATA = {
-    "pandaset": {
-        "road_user": ["car"] * 2,
-        "measurement.path": [TABLES.format("car-a"), TABLES.format("car-b")],
-    },
-    "lidarrm": {"measurement.path": [TABLES.format("default-0"), TABLES.format("default-1")]},
+    "pandaset": CARS,
+    "lidarrm": {"measurement.path": [*map(TABLES.format, ("default-0", "default-1"))]},
     "clip": {"source.target": [31, 0, 1]},
-    "every_track": {"path.target": [3, 8], "seed": [0, 1]},
-    "some_tracks": {"path.target": [3, 8], "seed": [0, 1]},
-    "fitted_noise": {
-        "road_user": [user for user in ("car", "cyclist", "pedestrian") for _ in range(3)],
-        "path": ["turn", "crossing", "approach"] * 3,
-        "measurement.noise.range_bias": [0.1 * i for i in range(9)],
-    },
-}  # fmt: skip
+    "every_track": TRACKS,
+    "some_tracks": TRACKS,
+    "fitted_noise": NOISES,
+}
 """Axes that depend on the user's data, or on results."""
 
 
@@ -97,10 +95,8 @@ def columns_of(*names):
     return pd.DataFrame({name: np.zeros(0) for name in names})
 
 
-EMPTY = (
-    columns_of("valid", "pixels", "gross", "total", "squares", "columns", "missed", "uncovered"),
-    columns_of("disparity", "error", "square", "sigma", "lateral", "height"),
-)
+FRAME = columns_of("valid", "pixels", "gross", "total", "squares", "columns", "missed", "uncovered")
+EMPTY = (FRAME, columns_of("disparity", "error", "square", "sigma", "lateral", "height"))
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -128,10 +124,9 @@ def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
 def test_of_a_sweep_with_variants_only_their_own_keys_are_no_axes():
     frame = pd.DataFrame({"tracker.slip": [0.1, 0.1, 0.2, 0.2], "measurement.path": ["a", "b"] * 2})
     frame = frame.assign(**dict.fromkeys(GROUPS, "one"), seed=0, status="done")
-    sweep = SimpleNamespace(
-        table=Runs(frame, ("tracker.slip", "measurement.path", "seed")),
-        runs=[SimpleNamespace(variant=name) for name in ("–", "–", "slip", "slip")],
-    )
+    runs = [SimpleNamespace(variant=name) for name in ("–", "–", "slip", "slip")]
+    table = Runs(frame, ("tracker.slip", "measurement.path", "seed"))
+    sweep = SimpleNamespace(table=table, runs=runs)
     assert frame_of(sweep).axes == ("measurement.path", "seed", "variant")
 
 
@@ -157,10 +152,8 @@ def test_each_variant_of_the_ablation_switches_one_term_off(study, name, terms, 
     (sweep,) = [one for one in study_of(study).sweeps if one.name == name]
     (axis,) = [axis for axis in sweep.design().axes if len(axis.keys) > 1]
     steps = [tuple(one.text for one in step) for step in axis.steps]
-    texts = [
-        tuple(override_text(key, value) for key, value in own.items())
-        for own in sweep.variants.values()
-    ]
+    variants = [own.items() for own in sweep.variants.values()]
+    texts = [tuple(override_text(*item) for item in own) for own in variants]
     assert texts == steps
     whole, *others = map(set, texts)
     changed = [tuple(text.partition("=")[0] for text in own - whole) for own in others]

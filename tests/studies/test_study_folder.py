@@ -51,9 +51,8 @@ def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeyp
     plan = plan_study(read_study(toy(), trusted=True), [])
     found = []
     for revision in ("old", "new"):
-        monkeypatch.setattr(
-            "stixel_cli.studies.run.provenance", lambda own=revision: {"git": {"revision": own}}
-        )
+        git = {"git": {"revision": revision}}
+        monkeypatch.setattr("stixel_cli.studies.run.provenance", lambda own=git: own)
         study = Study(plan, tmp_path / "study", f"command of {revision}")
         study.begin(fresh=False)
         if found:
@@ -69,9 +68,7 @@ def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeyp
     assert study.check(fresh=False)
 
 
-def test_a_cache_that_is_too_small_keeps_what_the_report_reads(
-    studies, toy, own_cache, monkeypatch
-):
+def test_a_too_small_cache_keeps_what_the_report_reads(studies, toy, own_cache, monkeypatch):
     plain = study_toy.material
 
     def reading(data):
@@ -123,14 +120,9 @@ def fixed(*texts):
     return Design(tuple(parse(text, TYPED) for text in texts), ())
 
 
-TRACKING = Design(
-    (parse("path.duration=1", TYPED),),
-    (
-        axis("measurement", "stixels", "fabricated", "lidar"),
-        axis("tracker", "gp_ekf", "point"),
-        axis("seed", 0, 1),
-    ),
-)
+SENSORS = axis("measurement", "stixels", "fabricated", "lidar")
+AXES = SENSORS, axis("tracker", "gp_ekf", "point"), axis("seed", 0, 1)
+TRACKING = Design((parse("path.duration=1", TYPED),), AXES)
 STEREO_ONLY = Design((parse("measurement=stixels", TYPED),), (axis("seed", 0, 1),))
 
 
@@ -156,10 +148,9 @@ def test_a_key_inside_an_option_follows_it_and_several_values_need_an_axis_in_ra
     (design,), _ = overridden([TRACKING], ["tracker=point,contour", "seed=3,4"], ["tracking"])
     assert design.axes[1:] == (axis("tracker", "point", "contour"), axis("seed", 3, 4))
     fabricated = fixed("measurement=fabricated", "measurement/noise=constant")
+    sweeps, negative = [STEREO_ONLY, fabricated], ["measurement.noise.range_std=-1"]
     with pytest.raises(ConfigurationError, match="range_std: -1 is out of range"):
-        overridden(
-            [STEREO_ONLY, fabricated], ["measurement.noise.range_std=-1"], ["stereo", "rays"]
-        )
+        overridden(sweeps, negative, ["stereo", "rays"])
     with pytest.raises(ConfigurationError, match="belongs to measurement=fabricated"):
         overridden([STEREO_ONLY], ["measurement/noise=constant"], ["stereo"])
 
@@ -175,8 +166,7 @@ def test_keys_that_distinguish_sweeps_cannot_be_overridden():
     # A sweep whose axes are derived keeps its own, and so stands in nobody's way.
     fitted = fixed("measurement=fabricated", "measurement/noise=fitted_car")
     plain = fixed("measurement=fabricated", "measurement/noise=stereo")
-    (changed, kept), _ = overridden(
-        [plain, fitted], ["measurement/noise=constant"], ["plain", "fitted"], derived=["fitted"]
-    )
+    given = [plain, fitted], ["measurement/noise=constant"], ["plain", "fitted"]
+    (changed, kept), _ = overridden(*given, derived=["fitted"])
     assert "measurement/noise=constant" in texts_of(changed)
     assert kept == fitted

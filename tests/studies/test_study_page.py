@@ -40,32 +40,22 @@ def test_the_page_is_self_contained_begins_with_the_answer_and_has_its_provenanc
         assert reference in names
     # Text is escaped.
     assert "A &lt;toy&gt; &amp; its title" in html and "By &lt;hand&gt;." in html
-    places = [
-        html.index(text)
-        for text in (
-            '<p class="answer">&lt;b&gt; IoU. car: ',
-            "2 seeds: too few to compare, 4 are needed",
-            "<p>By width: ",
-            "<h2>One &amp; only</h2>",
-            "<h2>Widths</h2>",
-            "<h2>Own &amp; only</h2>",
-            ">a_b &lt;i&gt;</th>",
-            "Where the results come from",
-        )
-    ]
+    few = "2 seeds: too few to compare, 4 are needed"
+    ordered = ['<p class="answer">&lt;b&gt; IoU. car: ', few]
+    ordered += ["<p>By width: ", "<h2>One &amp; only</h2>", "<h2>Widths</h2>"]
+    ordered += ["<h2>Own &amp; only</h2>", ">a_b &lt;i&gt;</th>", "Where the results come from"]
+    places = [html.index(text) for text in ordered]
     assert places == sorted(places)
+    # Only the first question's answers are open.
+    assert html.count("<details open>") == 1 < html.count("<summary><h2>")
     # The worst run of each tracker, and of each width.
     assert len(re.findall(r'<a href="sweeps/first/runs/\d+[^"]*">0', html)) == 2
     assert len(re.findall(r'<a href="sweeps/second/runs/\d+[^"]*">0', html)) == 2
     assert not re.search(r"\bnan\b|\binf\b", html)
     assert "stixel study" in html and "<code>road_user=car</code>" in html
-    for text in (
-        '<td class="">measurement</td><td class="">fabricated</td>',
-        "numpy",
-        '<td class="">first</td><td class="">4</td><td class="">4</td>',
-    ):
+    cells = ['<td class="">measurement</td><td class="">fabricated</td>', "numpy", ">0, 1</td>"]
+    for text in (*cells, '<td class="">first</td><td class="">4</td><td class="">4</td>'):
         assert text in html
-    assert ">0, 1</td>" in html
 
 
 def test_the_page_in_a_browser(page, open_page):

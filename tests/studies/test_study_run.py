@@ -115,6 +115,7 @@ def test_a_study_with_failed_runs_can_be_resumed(studies, toy, tmp_path, monkeyp
     assert answer["sweeps"]["first"]["done"] == 4
     # The second sweep's axes depend on the first.
     assert answer["sweeps"]["second"] == {
+        "name": "second",
         "runs": None,
         "done": 0,
         "folder": str(folder / "sweeps/second"),
@@ -160,20 +161,16 @@ def test_overrides_replace_values_of_sweeps(studies, toy):
     assert not studies.results.exists()
 
 
-def test_an_override_that_a_sweep_does_not_accept_is_noted(studies, toy, capsys, monkeypatch):
+def test_an_override_that_a_sweep_does_not_accept_is_noted(studies, toy, told, monkeypatch):
     monkeypatch.setattr(study_run.report, "study_page", study_page)
     file = toy()
-    note = (
-        "path=s_curve: left out of sweep first: path: goes together with road_user here: give one "
-        "of turn, crossing"
-    )
+    note = "path=s_curve: left out of sweep first: path: goes together with road_user here: "
+    note += "give one of turn, crossing"
     assert studies.run(file, "road_user=car", "--dry-run")["notes"] == []
     assert studies.run(file, "path=s_curve", "seed=0", "--dry-run")["notes"] == [note]
-    assert main(["study", str(file), "path=s_curve", "--dry-run", "--trust-code"]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith(f"note: {note}\n") and said.rstrip().rpartition("\n")[2].startswith(
-        "all sweeps"
-    )
+    said = told("study", file, "path=s_curve", "--dry-run", "--trust-code")
+    assert said.startswith(f"note: {note}\n")
+    assert said.rstrip().rpartition("\n")[2].startswith("all sweeps")
     answer = studies.run(file, "path=s_curve", "seed=0")
     assert answer["notes"] == [note] and studies.error.startswith(f"stixel: {note}\n")
     assert note in Path(answer["report"]).read_text()

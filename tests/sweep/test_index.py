@@ -19,10 +19,8 @@ def rows_of(page):
     text = page.read_text(encoding="utf-8")
     data = json.loads(re.search(r'id="index">(.*?)</script>', text)[1])
     titles = [column["title"] for column in data["columns"]]
-    return {
-        name: dict(zip(titles, row, strict=True)) | {"link": link}
-        for name, row, link in zip(data["names"], data["rows"], data["links"], strict=True)
-    }
+    rows = zip(data["names"], data["rows"], data["links"], strict=True)
+    return {name: dict(zip(titles, row, strict=True)) | {"link": link} for name, row, link in rows}
 
 
 def make_run(folder, iou, tracker="gp_ekf", created="2026-01-01T00:00:00+00:00"):
@@ -32,21 +30,18 @@ def make_run(folder, iou, tracker="gp_ekf", created="2026-01-01T00:00:00+00:00")
     make_folder(folder, metrics=metrics, manifest=manifest)
 
 
-def make_sweep(folder):
-    runs = tuple((f"tracker={name}", "seed=0") for name in ("gp_ekf", "contour", "point"))
-    axes = (("tracker",),)
-    SweepFolder(folder).create(SweepRequest("/", False, (), axes, runs, {"command": "x"}))
-    for i, iou in enumerate((0.5, 0.9)):
-        make_folder(folder / f"runs/{i:04d}", metrics={"iou_mean": iou, "track_lost": 1 - i})
-
-
 @pytest.fixture
 def root(tmp_path):
     """Two runs, a sweep of a study, a broken folder and a foreign one."""
     make_run(tmp_path / "a", 0.75)
     (tmp_path / "a/index.html").write_text("a page")
     make_run(tmp_path / "b, <i>", 0.25, "contour", "2026-01-02T00:00:00+00:00")
-    make_sweep(tmp_path / "rq2/sweeps/main")
+    runs = tuple((f"tracker={name}", "seed=0") for name in ("gp_ekf", "contour", "point"))
+    request = SweepRequest("/", False, (), (("tracker",),), runs, {"command": "x"})
+    SweepFolder(tmp_path / "rq2/sweeps/main").create(request)
+    for i, iou in enumerate((0.5, 0.9)):
+        folder = tmp_path / f"rq2/sweeps/main/runs/{i:04d}"
+        make_folder(folder, metrics={"iou_mean": iou, "track_lost": 1 - i})
     (tmp_path / "rq2/report.html").write_text("a report")
     for name in ("broken", "foreign"):
         (tmp_path / name).mkdir()
@@ -67,10 +62,9 @@ def test_each_folder_has_a_row(root, monkeypatch):
     assert rows["b, <i>"]["link"] == "./b%2C%20%3Ci%3E/"
     assert rows["a"]["mean IoU"] == 0.75 and rows["a"]["verdict"].startswith("IoU 0.75")
     assert rows["rq2/sweeps/main"]["mean IoU"] is None, "a mean over trackers is none of any"
-    assert rows["rq2/sweeps/main"]["verdict"] == (
-        "2 of 3 runs done. Mean IoU: contour 0.900 and gp_ekf 0.500 (one run each: too few to "
-        "compare, 4 are needed). Not compared: point, without a value."
-    )
+    said = "2 of 3 runs done. Mean IoU: contour 0.900 and gp_ekf 0.500 (one run each: too few to "
+    said += "compare, 4 are needed). Not compared: point, without a value."
+    assert rows["rq2/sweeps/main"]["verdict"] == said
     assert "not valid JSON" in rows["broken"]["verdict"]
     assert rows["foreign"]["verdict"] == "not a valid result: ZeroDivisionError: division by zero"
     assert rows["rq2"]["link"] == "./rq2/report.html"
@@ -127,9 +121,8 @@ def test_a_page_that_cannot_be_written_fails_no_command(root, monkeypatch):
 def test_the_newest_is_first_and_the_page_fits_a_phone(root, open_page):
     update_index(root)
     narrow = open_page(root / "index.html", 390, 844, dark=True)
-    names = narrow.page.locator("#runs tbody tr:not(.group)").evaluate_all(
-        "rows => rows.map(row => row.cells[0].textContent)"
-    )
+    rows = narrow.page.locator("#runs tbody tr:not(.group)")
+    names = rows.evaluate_all("rows => rows.map(row => row.cells[0].textContent)")
     assert names[:3] == ["rq2/sweeps/main", "b, <i>", "a"] and names[-1] == "rq2"
     link = narrow.page.get_by_role("link", name="rq2", exact=True)
     assert link.get_attribute("href") == "./rq2/report.html"

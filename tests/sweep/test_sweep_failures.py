@@ -1,13 +1,7 @@
 """Sweeps on their way: what is shown, what fails, Ctrl-C, what is gone; and going on."""
 
 import json
-import os
-import re
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -40,16 +34,14 @@ def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
     axes = (f"road_user.mesh=null,{bad_mesh}", "seed=0,1", "tracker.sigma_q=0.5,0.6")
     swept = sweeps.run(*FEW, *axes, "--name", "mine", code=1)
     folder = sweeps.results / "mine"
-    assert not swept["complete"]
     # The mesh is a scenario, not an option; a failed run counts as lost.
     found = {row["tracker.sigma_q"]: row for row in swept["summary"]}
-    assert {*found} == {"0.5", "0.6"}
+    assert not swept["complete"] and {*found} == {"0.5", "0.6"}
     assert found["0.5"]["lost_share"] == 0.5 and found["0.5"]["failed"] == 2
     statuses = [row["status"] for row in swept["runs"]]
     assert statuses == ["done"] * 4 + ["failed"] + ["skipped"] * 3
     assert sweeps.error.splitlines()[-1] == f"stixel sweep --resume {folder}"
-    assert "4 of 8 runs are not done" in sweeps.error
-    assert "run 4 failed" in sweeps.error
+    assert "4 of 8 runs are not done" in sweeps.error and "run 4 failed" in sweeps.error
     assert "failed" in (folder / "summary.md").read_text()
     failed = folder / swept["runs"][4]["folder"]
     assert failed == folder / "failed" / "0004"
@@ -58,9 +50,8 @@ def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
     assert failure["status"] == "failed"
     assert json.loads((folder / "failed/0005/failure.json").read_text())["failed_in_run"] == 4
     assert "Traceback" in (failed / "traceback.txt").read_text()
-    assert yaml.safe_load((failed / "config.yaml").read_text())["road_user"]["mesh"] == str(
-        bad_mesh
-    )
+    config = yaml.safe_load((failed / "config.yaml").read_text())
+    assert config["road_user"]["mesh"] == str(bad_mesh)
     # Nothing has changed: it fails again, and the rest is not looked at.
     again = sweeps.run("--resume", folder, code=1)
     assert [row["status"] for row in again["runs"]] == statuses
@@ -90,72 +81,27 @@ def test_resume_recomputes_removed_and_damaged_runs(sweeps):
     assert sorted(path.name for path in (folder / "runs").iterdir()) == ["0000", "0001", "0002"]
 
 
-# Where the tests run in the background of a shell, Ctrl-C is ignored from the start.
-COMMAND = """
-import signal, sys
-from stixel_cli.cli.app import main
-signal.signal(signal.SIGINT, signal.default_int_handler)
-sys.exit(main())
-"""
+def test_ctrl_c_names_the_command_that_resumes(sweeps, monkeypatch):
+    """That a signal in the midst of waiting ends it and its workers: `tests/engine`."""
+    take = Sweep.take
 
+    def interrupted(sweep, planned):
+        take(sweep, planned)
+        if len(sweep.runs) == 2:
+            raise KeyboardInterrupt
 
-# The later runs wait while the file exists: no machine is so fast that the sweep ends.
-WAITS = """
-import signal
-from pathlib import Path
-from stixel_cli.tracking.baselines import box
-
-
-def track(scans, initial, prior, number: int):
-    while number > 2 and Path({!r}).exists():
-        signal.pause()
-    values = dict(sigma_q=3.0, measurement_std=1.0, centroid_std=1.0, gate=1.0, least_speed=3.0)
-    return box.track(scans, initial, prior, box.BoxParameters("box", use_scans=False, **values))
-"""
-
-
-def test_ctrl_c_names_the_command_that_resumes(sweeps, tmp_path):
-    """A real process with workers, which the signal meets in the midst of its runs."""
-    # What the scores need besides the track. Otherwise, on a loaded machine, waiting runs may take
-    # both workers before it is computed, and no run is ever done.
-    sweeps.run(*FEW, "tracker=box", "seed=0,1", "--name", "before")
-    mark = tmp_path / "waits"
-    mark.touch()
-    (tmp_path / "waits.py").write_text(WAITS.format(str(mark)))
-    line = [*FEW, "tracker=waits:track", f"code_folders=[{tmp_path}]", "tracker.number=range(1,9)"]
-    where = ["--results", str(sweeps.results), "--name", "mine"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", COMMAND, "sweep", *line, "--workers", "2", *where],
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"},
-    )
+    with monkeypatch.context() as patch:
+        patch.setattr(Sweep, "take", interrupted)
+        line = (*FEW, "seed=range(0,4)", "--workers", 2, "--name", "mine")
+        assert sweeps.run(*line, code=130) is None
     folder = sweeps.results / "mine"
-    while process.poll() is None and not list(folder.glob("runs/0*")):
-        time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGINT)
-    _, error = process.communicate(timeout=600)
-    assert process.returncode == 130, error
-    last = error.splitlines()[-1]
-    found = re.search(r"interrupted: (\d+) of 8 runs are done", last)
-    assert found, error
-    assert last.endswith(f"resume with: stixel sweep --resume {folder} executor.workers=2")
-    assert "Traceback" not in error
-    done = int(found[1])
-    assert 1 <= done < 8
-    rows = sweeps.rows("mine")
-    assert [row["status"] for row in rows].count("done") == done
-    assert [row["status"] for row in rows].count("missing") == 8 - done
-    # A few runs are enough to test resume.
-    request = yaml.safe_load((folder / "sweep.yaml").read_text())
-    request["runs"] = request["runs"][: done + 2]
-    (folder / "sweep.yaml").write_text(yaml.safe_dump(request))
-    mark.unlink()
-    again = sweeps.run("--resume", folder, "--trust-code")
-    assert again["complete"]
-    assert again["nodes"]["computed"] <= 4
+    said = sweeps.messages[-1]
+    assert said.startswith("stixel: interrupted: 2 of 4 runs are done; ")
+    assert said.endswith(f"resume with: stixel sweep --resume {folder} executor.workers=2")
+    assert "Traceback" not in sweeps.error
+    assert sorted(row["status"] for row in sweeps.rows("mine")) == ["done"] * 2 + ["missing"] * 2
+    again = sweeps.run("--resume", folder)
+    assert again["complete"] and again["nodes"]["computed"] <= 2 * 4
 
 
 def test_an_unwritable_folder_ends_the_sweep_in_one_line(sweeps, monkeypatch):
@@ -218,14 +164,14 @@ def test_runs_and_nodes_are_counted(capsys, monkeypatch):
     sweep.begin([*tracks, *scores[:2]], cached=7)
     # The scores of the last one are there: it waits for nothing.
     assert [*sweep.runs.values()] == [*before, waiting[2]]
-    assert sweep.text == "about 10 s left; 0/5 nodes; 3/5 runs; 7 nodes cached"
+    assert sweep.text == "0/5 nodes; 3/5 runs; 7 nodes cached"
     sweep.started(tracks[0])
     sweep.finished(tracks[0], 2.0)
     sweep.started(scores[0])
     sweep.finished(scores[0], 1.0)
     assert [*sweep.runs.values()] == [*before, waiting[2], waiting[0]]
     sweep.failed(tracks[1], StageFailure("track", "track", ValueError("a\nb"), ""), [scores[1]])
-    assert sweep.text == "about 1 s left; 2/3 nodes, 1 failed; 4/5 runs, 1 failed; 7 nodes cached"
+    assert sweep.text == "about 2 s left; 2/3 nodes, 1 failed; 4/5 runs, 1 failed; 7 nodes cached"
     assert capsys.readouterr().err == "stixel: failed: run 3 (seed=4): track: ValueError: a b\n"
     sweep.close()
 

@@ -95,9 +95,7 @@ def test_nodes_are_counted_as_they_are_in_the_cache(sweeps, folder, tmp_path, mo
     assert sweeps.run("--resume", folder)["nodes"] == {"computed": 0, "cached": 0}
 
 
-def test_relative_file_names_work_from_another_working_directory(
-    sweeps, tmp_path, capsys, monkeypatch
-):
+def test_relative_file_names_work_from_another_directory(sweeps, tmp_path, told, monkeypatch):
     there, here = tmp_path / "there", tmp_path / "here"
     there.mkdir()
     here.mkdir()
@@ -109,10 +107,8 @@ def test_relative_file_names_work_from_another_working_directory(
     folder = sweeps.results / "mine"
     shutil.rmtree(folder / "runs" / "0001")
     monkeypatch.chdir(here)
-    capsys.readouterr()
     monkeypatch.setenv("STIXEL_CACHE", str(there / "kept"))
-    assert main(["explain", str(folder)]) == 0
-    assert capsys.readouterr().out == "nothing to recompute: all results are cached\n"
+    assert told("explain", folder) == "nothing to recompute: all results are cached\n"
     again = sweeps.run("--resume", folder)
     assert again["summary"] == whole["summary"]
     assert again["nodes"]["computed"] == 0
@@ -125,15 +121,13 @@ def test_relative_file_names_work_from_another_working_directory(
     assert sorted(path.name for path in here.iterdir()) == ["mine.obj", "other"]
 
 
-def test_a_changed_mesh_is_named_by_resume_and_verify(sweeps, tmp_path, capsys):
+def test_a_changed_mesh_is_named_by_resume_and_verify(sweeps, tmp_path, told):
     mesh = tmp_path / "mine.obj"
     mesh.write_text(TETRAHEDRON.format(1.5))
     sweeps.run(*FEW, f"road_user.mesh=null,{mesh}", "--name", "mine")
     folder = sweeps.results / "mine"
     mesh.write_text(TETRAHEDRON.format(1.5).replace("v 2 1 0", "v 2.2 1 0"))
-    capsys.readouterr()
-    assert main(["verify", str(folder / "runs/0001"), "--cached", "--json"]) == 1
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(told("verify", folder / "runs/0001", "--cached", "--json", code=1))
     assert found["first_by_key"]["stage"] == "scenario"
     assert found["first_by_key"]["causes"] == ([f"the content of {mesh} changed"])
     assert found["first_by_value"]["stage"] == "scenario"
@@ -219,23 +213,14 @@ def foreign(sweeps, tmp_path):
     return folder
 
 
-def test_a_foreign_folder_names_no_cache(foreign, tmp_path, capsys):
-    for number, command in enumerate(
-        (
-            "explain FOLDER",
-            "explain FOLDER/runs/0000",
-            "ls FOLDER",
-            "report FOLDER --output OUT",
-            "report --play FOLDER/runs/0000 --output OUT",
-            "run FOLDER/runs/0000 --results OUT",
-            "verify FOLDER/runs/0000 --cached",
-            "export FOLDER/runs/0000 --format csv --output OUT",
-            "sweep --resume FOLDER",
-        )
-    ):
-        out = str(tmp_path / f"out{number}.html")
-        line = [w.replace("FOLDER", str(foreign)).replace("OUT", out) for w in command.split()]
-        code = main(line)
+def test_a_foreign_folder_names_no_cache(foreign, tmp_path, capsys, told):
+    commands = ["explain FOLDER", "explain RUN", "ls FOLDER", "report FOLDER --output OUT"]
+    commands += ["report --play RUN --output OUT", "run RUN --results OUT", "verify RUN --cached"]
+    commands += ["export RUN --format csv --output OUT", "sweep --resume FOLDER"]
+    for number, command in enumerate(commands):
+        places = {"FOLDER": foreign, "RUN": foreign / "runs/0000"}
+        places["OUT"] = tmp_path / f"{number}.html"
+        code = main([str(places.get(word, word)) for word in command.split()])
         said = capsys.readouterr()
         assert code == 0, f"{command}: {said.err}"
         assert not (tmp_path / "ran").exists(), command
@@ -245,8 +230,7 @@ def test_a_foreign_folder_names_no_cache(foreign, tmp_path, capsys):
     file = foreign / "sweep.yaml"
     request = yaml.safe_load(file.read_text())
     file.write_text(yaml.safe_dump(request | {"axes": [["cache.folder"]]}))
-    assert main(["sweep", "--resume", str(foreign)]) == 2
-    assert "axes: must be keys" in capsys.readouterr().err
+    assert "axes: must be keys" in told("sweep", "--resume", foreign, code=2)
     assert not (tmp_path / "ran").exists()
 
 

@@ -20,16 +20,12 @@ FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "index.html")
 
 
-def stages_of(plan):
-    return {stage["name"]: stage["nodes"] for stage in plan["stages"]}
-
-
-def test_runs_share_what_they_have_in_common(sweeps, capsys):
+def test_runs_share_what_they_have_in_common(sweeps, told):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7"]
-    assert main(["sweep", "--dry-run", "--json", *line]) == 0
-    planned = json.loads(capsys.readouterr().out)
+    planned = json.loads(told("sweep", "--dry-run", "--json", *line))
     shared = {"ego_motion": 1, "scenario": 1, "scans": 2, "start": 2}
-    assert stages_of(planned) == shared | {"track": 6, "scores": 6}
+    nodes = {stage["name"]: stage["nodes"] for stage in planned["stages"]}
+    assert nodes == shared | {"track": 6, "scores": 6}
     assert planned["runs"] == 6
     assert planned["nodes"] == {"all": 18, "cached": 0, "to_run": 18}
     swept = sweeps.run(*line, "--name", "a")
@@ -39,8 +35,7 @@ def test_runs_share_what_they_have_in_common(sweeps, capsys):
     more = sweeps.run(*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7,0.8")
     assert more["nodes"]["computed"] == 2 * 2
     assert sweeps.run(*line)["nodes"]["computed"] == 0
-    assert main(["sweep", "--dry-run", "--json", *line]) == 0
-    planned = json.loads(capsys.readouterr().out)
+    planned = json.loads(told("sweep", "--dry-run", "--json", *line))
     assert planned["nodes"] == {"all": 18, "cached": 18, "to_run": 0}
     assert planned["runs_cached"] == 6
 
@@ -89,11 +84,9 @@ def test_the_summaries_are_those_of_the_seeds(sweeps):
     assert {row["metric"] for row in rows} == set(known)
     assert len(rows) == len(swept["summary"]) == 2 * len(known)
     for row in rows:
-        values = [
-            float(run[row["metric"]])
-            for run in sweeps.rows("mine")
-            if run["tracker.sigma_f"] == row["tracker.sigma_f"]
-        ]
+        sigma = row["tracker.sigma_f"]
+        runs = [run for run in sweeps.rows("mine") if run["tracker.sigma_f"] == sigma]
+        values = [float(run[row["metric"]]) for run in runs]
         assert int(row["units"]) == len(values) == 4
         mean, std = np.mean(values), np.std(values, ddof=1)
         assert float(row["mean"]) == pytest.approx(mean)
@@ -102,9 +95,8 @@ def test_the_summaries_are_those_of_the_seeds(sweeps):
             low, high = between_bounds(mean, half, metric(row["metric"]).bounds)
             assert float(row["low"]) == pytest.approx(low)
             assert float(row["high"]) == pytest.approx(high)
-    assert (
-        "| tracker.sigma_f | runs | mean IoU, box [95 %] |" in (folder / "summary.md").read_text()
-    )
+    head = "| tracker.sigma_f | runs | mean IoU, box [95 %] |"
+    assert head in (folder / "summary.md").read_text()
     page = (folder / "index.html").read_text(encoding="utf-8")
     assert "<h1>Sweep mine</h1>" in page and "Runs: <code>stixel sweep " in page
     # The worst run of each option, and all runs, are one click away.
@@ -113,11 +105,10 @@ def test_the_summaries_are_those_of_the_seeds(sweeps):
 
 
 def test_a_dry_run_writes_nothing_and_a_taken_name_is_refused_before_anything_is_planned(
-    sweeps, capsys, monkeypatch
+    sweeps, told, monkeypatch
 ):
     line = [*FEW, "seed=0,1", "--dry-run", "--results", str(sweeps.results)]
-    assert main(["sweep", *line]) == 0
-    said = capsys.readouterr().out
+    said = told("sweep", *line)
     assert "2 runs, 0 complete" in said
     assert "seed: 2 values: seed=0, seed=1" in said
     assert not sweeps.results.exists()
@@ -138,11 +129,10 @@ def test_pictures_only_on_request(sweeps):
 
 
 @pytest.mark.parametrize("columns", ["80", "200"])
-def test_the_table_of_the_options_fits_the_screen(sweeps, capsys, monkeypatch, columns):
+def test_the_table_of_the_options_fits_the_screen(sweeps, told, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
     line = [*FEW, "tracker=gp_ekf,point", "seed=range(0,4)"]
-    assert main(["sweep", *line, "--results", str(sweeps.results)]) == 0
-    said = capsys.readouterr().out
+    said = told("sweep", *line, "--results", sweeps.results)
     assert "8 of 8 runs done" in said and said.rstrip().endswith("/index.html")
     assert "…" not in said and max(map(len, said.splitlines()[:-1])) <= int(columns)
     header = " ".join(said[: said.index("──")].split())
@@ -150,31 +140,28 @@ def test_the_table_of_the_options_fits_the_screen(sweeps, capsys, monkeypatch, c
         assert name in header
 
 
-def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, capsys, monkeypatch):
+def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, told, monkeypatch):
     monkeypatch.chdir(tmp_path)
     sweeps.results = Path("here")
     swept = sweeps.run(*FEW, "seed=0,1", "--name", "mine")
     assert swept["folder"] == str(tmp_path / "here" / "mine")
-    assert main(["ls", "here/mine/runs/0000"]) == 0
-    said = capsys.readouterr().out
+    said = told("ls", "here/mine/runs/0000")
     assert max(map(len, said.splitlines())) <= 100
     assert "hydra-core" in said
     assert "world=street" in said
 
 
 @pytest.fixture
-def explained(sweeps, capsys):
+def explained(sweeps, told):
     """What `stixel explain --json` says."""
 
     def explain(*words):
-        capsys.readouterr()
-        assert main(["explain", "--json", *map(str, words)]) == 0
-        return json.loads(capsys.readouterr().out)
+        return json.loads(told("explain", "--json", *words))
 
     return explain
 
 
-def test_each_node_once(sweeps, explained, capsys):
+def test_each_node_once(sweeps, explained, told):
     sweeps.run(*FEW, "tracker.sigma_f=0.1", "seed=0,1")
     line = [*FEW, "tracker.sigma_f=0.1,0.2", "seed=0,1,2"]
     found = explained(*line)
@@ -183,31 +170,25 @@ def test_each_node_once(sweeps, explained, capsys):
     # Seed 2 is new, and so is sigma_f=0.2; what the scores of runs 0 and 1 took is not asked for.
     stages = Counter(one["stage"] for one in found)
     assert stages == {"scans": 1, "start": 1, "track": 4, "scores": 4}
-    assert main(["explain", *line]) == 0
-    said = capsys.readouterr().out
+    said = told("explain", *line)
     assert "\nstart: seed changed from " in said
     assert "\nscores, 2 nodes: input changed: track\n" in said
     sweeps.run(*line)
     assert explained(*line) == []
 
 
-@pytest.mark.parametrize(
-    ("command", "words"),
-    [
-        pytest.param("run", (), marks=pytest.mark.sketched),
-        pytest.param("run", ("tracker.sigma_f=0.5",), marks=pytest.mark.sketched),
-        ("sweep", ("seed=0,1",)),
-        ("sweep", ("path=choice(turn)",)),
-    ],
-)
-def test_explain_dry_run_and_the_command_itself_agree(command, words, sweeps, explained, capsys):
+TUNED = ("tracker.sigma_f=0.5",)
+OF_RUN = [pytest.param("run", words, marks=pytest.mark.sketched) for words in ((), TUNED)]
+OF_SWEEP = [("sweep", ("seed=0,1",)), ("sweep", ("path=choice(turn)",))]
+
+
+@pytest.mark.parametrize(("command", "words"), [*OF_RUN, *OF_SWEEP])
+def test_explain_dry_run_and_the_command_itself_agree(command, words, sweeps, explained, told):
     if words == ("tracker.sigma_f=0.5",):
         assert main(["run", *FEW, "--results", str(sweeps.results)]) == 0
 
     def answer(*line):
-        capsys.readouterr()
-        assert main([*line, *FEW, *words, "--json"]) == 0
-        return json.loads(capsys.readouterr().out)
+        return json.loads(told(*line, *FEW, *words, "--json"))
 
     planned = answer(command, "--dry-run")
     counts = {stage["name"]: (stage["nodes"], stage["to_run"]) for stage in planned["stages"]}
@@ -222,7 +203,7 @@ def test_explain_dry_run_and_the_command_itself_agree(command, words, sweeps, ex
     assert computed == planned["nodes"]["to_run"] == len(why) > 0
 
 
-def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, capsys):
+def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, told):
     file = tmp_path / "mine.yaml"
     file.write_text("fixed: {measurement: fabricated, path.duration: 0.3}\nseeds: 2\n")
     found = explained("--from", file, "road_user=car")
@@ -234,9 +215,6 @@ def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, capsys):
     assert explained(folder / "runs" / "0001") == []
     stages = {one["stage"] for one in explained(*FEW, "seed=1")}
     assert stages == {"track_pictures", "run_pictures"}
-    capsys.readouterr()
-    assert main(["explain", str(folder), "--from", str(file)]) == 2
-    assert main(["explain", *FEW, "sensor.read_noise=0,1"]) == 2
-    errors = capsys.readouterr().err.splitlines()
-    assert "either a result folder or --from FILE" in errors[0]
-    assert "no stage reads it" in errors[1]
+    said = told("explain", folder, "--from", file, code=2)
+    assert "either a result folder or --from FILE" in said
+    assert "no stage reads it" in told("explain", *FEW, "sensor.read_noise=0,1", code=2)

@@ -11,14 +11,8 @@ from stixel_cli.errors import Interrupted
 from stixel_cli.sweeps import tuning
 
 FEW = ["measurement=fabricated", "path.duration=0.3", "executor=threads"]
-TUNED = [
-    *FEW,
-    "tracker.sigma_q=tag(log,interval(0.1,10))",
-    "tracker.basis_points=interval(10,50)",
-    "tracker.measurement_std=0.4,0.001",
-    "path=turn,s_curve",
-    "road_user.shape_seed=1000",
-]
+TUNED = [*FEW, "tracker.sigma_q=tag(log,interval(0.1,10))", "tracker.basis_points=interval(10,50)"]
+TUNED += ["tracker.measurement_std=0.4,0.001", "path=turn,s_curve", "road_user.shape_seed=1000"]
 OPTIONS = ["--over", "path", "--objective", "iou_mean,nees_position_mean"]
 OPTIONS += ["--seeds", "5", "--trials", "3"]
 

@@ -1,11 +1,14 @@
 """Scans of a moving outline as one sensor sees it."""
 
+from dataclasses import replace
+
 import numpy as np
 from tracking_cases import FIELD, scans_of
 
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.tracking.contour.contour_rays import Rays, rays_of
 from stixel_cli.tracking.contour.ray_kernels import Measured, empty_rows, measure
 from stixel_cli.tracking.track import InitialState
 
@@ -37,8 +40,13 @@ def seen(outline, poses, noise=0.0, seed=0, rays=240, before=None):
 
 def scans_seen(*arguments, **options) -> Scans:
     """`seen` as scans; the same arguments."""
-    points, covariances = seen(*arguments, **options)
-    return scans_of(points, covariances=np.concatenate(covariances))
+    return scans_of(*seen(*arguments, **options))
+
+
+def rays_at(points, std=0.1) -> Rays:
+    """Rays from `SENSOR` to points (n, 2) m, each with the variance `std`² in all directions."""
+    covariances = np.tile(std**2 * np.eye(2), (len(points), 1, 1))
+    return rays_of(np.array(points, float), covariances, SENSOR)
 
 
 def start_at(poses, offset=(0.15, -0.1, 0.05)) -> InitialState:
@@ -60,14 +68,9 @@ def moved(scans, initial, angle, shift):
     turn, poses = rotation(angle), scans.sensor_poses_world
     whole = np.eye(6)
     whole[:2, :2] = whole[3:5, 3:5] = turn
-    turned = Scans(
-        times=scans.times,
-        sensor_poses_world=np.column_stack([poses[:, :2] @ turn.T + shift, poses[:, 2] + angle]),
-        offsets=scans.offsets,
-        points_world=scans.points_world @ turn.T + shift,
-        covariances_world=turn @ scans.covariances_world @ turn.T,
-        field_of_view=scans.field_of_view,
-    )
+    at = np.column_stack([poses[:, :2] @ turn.T + shift, poses[:, 2] + angle])
+    points, spread = scans.points_world @ turn.T + shift, turn @ scans.covariances_world @ turn.T
+    turned = replace(scans, sensor_poses_world=at, points_world=points, covariances_world=spread)
     mean = whole @ initial.mean + np.array([*shift, angle, 0.0, 0.0, 0.0])
     return turned, InitialState(mean, whole @ initial.covariance @ whole.T)
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import tracking_cases
 from numpy.testing import assert_allclose, assert_array_equal
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
-from stixel_cli.measurements.scans import FieldOfView, Scans
+from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.followed import BEGIN, END, LEAST_SCANS, assign, follow
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.several import clusters
@@ -24,11 +25,9 @@ LONGEST = 7.0
 
 
 def scans_of(points_of_each, poses=None):
-    """Scans at 10 Hz of points (n, 2) m whose standard deviation is 0.1 m."""
-    count = len(points_of_each)
-    poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1)) if poses is None else poses
-    each = [(points, np.tile(0.01 * np.eye(2), (len(points), 1, 1))) for points in points_of_each]
-    return Scans.of_each(0.1 * np.arange(count), poses, each)
+    """Scans at 10 Hz of points (n, 2) m whose standard deviation is 0.1 m, of a wide view."""
+    scans = replace(tracking_cases.scans_of(points_of_each), field_of_view=None)
+    return scans if poses is None else replace(scans, sensor_poses_world=poses)
 
 
 def car(place, velocity, k):
@@ -38,14 +37,8 @@ def car(place, velocity, k):
 
 def two_cars(count):
     """A car that drives away, one that comes towards the sensor, and a wall."""
-    return scans_of(
-        [
-            np.concatenate(
-                [car((0.0, 10.0), (0.0, 6.0), k), car((4.0, 30.0), (0.0, -8.0), k), WALL]
-            )
-            for k in range(count)
-        ]
-    )
+    cars = [((0.0, 10.0), (0.0, 6.0)), ((4.0, 30.0), (0.0, -8.0))]
+    return scans_of([np.concatenate([*(car(*one, k) for one in cars), WALL]) for k in range(count)])
 
 
 def test_each_of_two_cars_that_pass_has_its_track_and_no_point_is_in_both():
@@ -57,9 +50,8 @@ def test_each_of_two_cars_that_pass_has_its_track_and_no_point_is_in_both():
         point for k in range(15) for point in car((0.0, 10.0), (0.0, 6.0), k)
     ])  # fmt: skip
     assert not set(rows[0]) & set(rows[1]) and len(rows[1]) == 15 * 8
-    for one, place, velocity in zip(
-        found, ((0.0, 10.0), (4.0, 30.0)), ((0.0, 6.0), (0.0, -8.0)), strict=True
-    ):
+    truth = ((0.0, 10.0), (4.0, 30.0)), ((0.0, 6.0), (0.0, -8.0))
+    for one, place, velocity in zip(found, *truth, strict=True):
         # The visible side is the nearer one. The class is wider than these cars.
         mean = transition(0.1) @ one.initial.mean
         assert_allclose(mean[:2], np.add(place, [0.0, 0.5 * PRIOR.length]), atol=0.3)
@@ -81,10 +73,8 @@ def test_nearest_neighbours_are_global():
 
 def seen_in(scans_seen, count):
     """Scans of a car at 5 m/s that is seen in some of them."""
-    empty = np.zeros((0, 2))
-    return scans_of(
-        [car((0.0, 12.0), (0.0, 5.0), k) if k in scans_seen else empty for k in range(count)]
-    )
+    points = [car((0.0, 12.0), (0.0, 5.0), k) for k in range(count)]
+    return scans_of([one if k in scans_seen else one[:0] for k, one in enumerate(points)])
 
 
 @pytest.mark.parametrize(
@@ -136,9 +126,8 @@ def test_the_tracker_gets_the_points_of_its_own_road_user():
     assert len(own) == 9 and np.diff(own.offsets).tolist() == [8, 0] * 4 + [8]
     assert_array_equal(own.points_world, scans.points_world[rows])
     settings = {"prior": PRIOR, "tracker": CONFIGURATION.tracker}
-    tracks = track_each(
-        (found[0], later), scans, "stixel_cli.tracking.baselines.box:track", settings
-    )
+    both = (found[0], later)
+    tracks = track_each(both, scans, "stixel_cli.tracking.baselines.box:track", settings)
     assert [one.first for one in tracks] == [0, 2]
     assert [one.confirmed for one in tracks] == [found[0].confirmed, found[1].confirmed]
     assert [len(one.track.times) for one in tracks] == [12, 9]
@@ -200,12 +189,9 @@ def test_a_fast_cluster_moves_if_the_places_that_it_left_are_free(counts, number
 
 
 def test_a_followed_car_with_the_speed_of_the_ego_is_a_track():
-    scans = driving(
-        [
-            np.concatenate([car((0.0, 14.0), (0.0, SPEED), k), fence(y, (11.3, 15.0))])
-            for k, y in enumerate(DRIVEN)
-        ]
-    )
+    cars = [car((0.0, 14.0), (0.0, SPEED), k) for k in range(COUNT)]
+    fences = [fence(y, (11.3, 15.0)) for y in DRIVEN]
+    scans = driving([np.concatenate(pair) for pair in zip(cars, fences, strict=True)])
     (one,) = find_tracks(scans, PRIOR, STD)
     assert one.confirmed == LEAST_SCANS - 1
     assert len(one.rows) == COUNT and all(len(rows) == 8 for rows in one.rows.values())
@@ -214,11 +200,9 @@ def test_a_followed_car_with_the_speed_of_the_ego_is_a_track():
 def test_two_clusters_of_one_car_are_one_track_and_two_cars_abreast_are_two():
     rear = [car((0.0, 14.0), (0.0, SPEED), k) for k in range(COUNT)]
     side = np.array([[0.85, 2.4], [0.85, 2.7]])
-    torn = [
-        np.concatenate([points, side + np.array([0.0, 14.0 + y])])
-        for points, y in zip(rear, DRIVEN, strict=True)
-    ]
-    scans = driving(torn)
+    places = np.stack([0.0 * DRIVEN, 14.0 + DRIVEN], axis=1)
+    seen = [np.vstack([points, side + at]) for points, at in zip(rear, places, strict=True)]
+    scans = driving(seen)
     assert len(follow(scans, LONGEST)) == 2
     (one,) = find_tracks(scans, PRIOR, STD)
     assert_array_equal(np.concatenate([*one.rows.values()]), np.arange(len(scans.points_world)))

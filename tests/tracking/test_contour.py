@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import multivariate_normal
-from seen_targets import SENSOR, start_at, turning
-from tracking_cases import CAR, scans_of
+from seen_targets import SENSOR, rays_at, start_at, turning
+from tracking_cases import CAR, jacobian
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
@@ -38,9 +38,8 @@ from stixel_cli.tracking.kalman import correct, normalised_innovation_squared
 from stixel_cli.tracking.track import InitialState
 
 # Of one class: that the filters of the others change nothing is said in `test_disturbed_scans.py`.
-TRACKER = compose(
-    ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
-).configuration.tracker
+WORDS = ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
+TRACKER = compose(WORDS).configuration.tracker
 SHAPES = {name: class_shape(name) for name in ("car", "cyclist", "pedestrian")}
 PRIORS = {
     name: replace(CAR, road_user=name, length=float(shape.size[0]), width=float(shape.size[1]))
@@ -62,10 +61,9 @@ def scans_seen(poses, name="car", **options):
 def test_contour_follows_a_turn_of_each_class(name, speed):
     poses = turning(30, speed, 0.3)
     result = track(scans_seen(poses, name, noise=0.03), start_at(poses), PRIORS[name], TRACKER)
-    late = slice(15, None)
-    errors = np.hypot(*(result.means[late, :2] - poses[late, :2]).T)
-    assert errors.max() < 0.1
-    assert np.abs(wrap_angle(result.means[late, 2] - poses[late, 2])).max() < np.radians(12)
+    errors = (result.means[:, :3] - poses)[15:]
+    assert np.hypot(*errors[:, :2].T).max() < 0.1
+    assert np.abs(wrap_angle(errors[:, 2])).max() < np.radians(12)
     assert_array_equal(result.nis_degrees_of_freedom, np.diff(result.used_offsets) + 2)
     assert result.means.shape == (30, 8)
     assert result.contours_world.shape == (30, TRACKER.contour_points, 2)
@@ -81,17 +79,16 @@ def test_contour_estimates_the_size():
 
 def position_nees(result, poses):
     errors = result.means[:, :2] - poses[:, :2]
-    return np.einsum(
-        "ki,kij,kj->k", errors, np.linalg.inv(result.covariances[:, :2, :2]), errors
-    ).mean()
+    inverse = np.linalg.inv(result.covariances[:, :2, :2])
+    return np.einsum("ki,kij,kj->k", errors, inverse, errors).mean()
 
 
 def test_an_error_that_all_scans_share_widens_the_covariance_and_moves_nothing():
     poses = np.column_stack([np.full(30, 1.0), 24.0 + 0.2 * np.arange(30), np.full(30, np.pi / 2)])
-    points, covariances = seen(poses, noise=0.05)
+    scans = scans_seen(poses, noise=0.05)
     # As of a disparity that is too small by the same amount everywhere: 0.6 m at 25 m.
-    farther = [p * (1.0 + 0.6 * np.hypot(*p.T) / 25.0**2)[:, None] for p in points]
-    scans = scans_of(farther, covariances=np.concatenate(covariances))
+    factors = 1.0 + 0.6 * np.hypot(*scans.points_world.T) / 25.0**2
+    scans = replace(scans, points_world=scans.points_world * factors[:, None])
     error = SharedErrors(disparity=((0.6 / 25.0**2, 0.0, 0.0),))
     aware = replace(scans, shared_errors=error)
     initial = start_at(poses, (0.0, 0.0, 0.0))
@@ -110,15 +107,10 @@ def test_an_error_of_the_sensors_place_moves_the_estimate_as_is_stated(axis):
     poses = turning(12, 4.0, 0.3)
     scans = scans_seen(poses, noise=0.03)
     shift = 0.1 * np.eye(2)[axis]
-    moved = replace(
-        scans,
-        points_world=scans.points_world + shift,
-        sensor_poses_world=scans.sensor_poses_world + np.append(shift, 0.0),
-    )
+    moved, _ = seen_targets.moved(scans, start_at(poses), 0.0, shift)
     stated = replace(scans, shared_errors=SharedErrors(position=0.1))
-    exact, wrong, wide = (
-        track(one, start_at(poses), PRIORS["car"], TRACKER) for one in (scans, moved, stated)
-    )
+    start, prior, seen = start_at(poses), PRIORS["car"], (scans, moved, stated)
+    exact, wrong, wide = (track(one, start, prior, TRACKER) for one in seen)
     assert_allclose((wrong.means - exact.means)[5:, :2], [shift] * 7, atol=0.02)
     added = (wide.covariances - exact.covariances)[5:, axis, axis]
     assert_allclose(added, 0.1**2, rtol=0.2)
@@ -126,13 +118,9 @@ def test_an_error_of_the_sensors_place_moves_the_estimate_as_is_stated(axis):
 
 def test_contour_trusts_edges_less_where_they_are_uncertain():
     poses = np.column_stack([np.zeros(20), np.full(20, 20.0), np.full(20, np.pi / 2)])
-    points, covariances = seen(poses, noise=0.03)
+    scans = scans_seen(poses, noise=0.03)
     # The edges of a matcher are moved to the left: the right edge by more.
-    kept = [p[:, 0] < 0.55 for p in points]
-    scans = scans_of(
-        [p[k] for p, k in zip(points, kept, strict=True)],
-        covariances=np.concatenate([c[k] for c, k in zip(covariances, kept, strict=True)]),
-    )
+    scans = scans.of_rows(np.flatnonzero(scans.points_world[:, 0] < 0.55))
     initial = start_at(poses, (0.0, 0.0, 0.0))
     unsure = replace(TRACKER, silhouette_std=1.0)
     plain, wide = (track(scans, initial, PRIORS["car"], t) for t in (TRACKER, unsure))
@@ -145,23 +133,13 @@ def test_prediction_and_report_match_their_linearisations(seed):
     random = np.random.default_rng(seed)
     mean = random.uniform([-5, 5, -3, 0.5, -1, -0.1, -0.1], [5, 15, 3, 6, 1, 0.1, 0.1])
     quiet = replace(TRACKER, acceleration=0.0, turn_acceleration=0.0, slip=0.0)
-    step, still = 1e-6, np.zeros((7, 7))
-    jacobians = []
-    for function in (
-        lambda m: predict(m, 0.1, quiet, SIZE)[0],
-        lambda m: reported(m[None], still[None])[0][0],
-    ):
-        columns = [
-            (function(mean + step * unit) - function(mean - step * unit)) / (2 * step)
-            for unit in np.eye(7)
-        ]
-        jacobians.append(np.stack(columns, axis=1))
     root = random.standard_normal((7, 7))
     covariance = root @ root.T
     _, matrix, noise = predict(mean, 0.1, quiet, SIZE)
-    assert_allclose(matrix, jacobians[0], atol=1e-6)
+    assert_allclose(matrix, jacobian(lambda m: predict(m, 0.1, quiet, SIZE)[0], mean), atol=1e-6)
     assert noise[2, 2] == pytest.approx(1e-5) and np.trace(noise[:5, :5]) == noise[2, 2]
-    expected = jacobians[1] @ covariance @ jacobians[1].T
+    slopes = jacobian(lambda m: reported(m[None], np.zeros((1, 7, 7)))[0][0], mean)
+    expected = slopes @ covariance @ slopes.T
     across = np.array([-np.sin(mean[2]), np.cos(mean[2])])
     expected[3:5, 3:5] += SIDEWAYS**2 * np.outer(across, across)
     assert_allclose(reported(mean[None], covariance[None])[1][0], expected, atol=1e-6)
@@ -187,9 +165,8 @@ def test_stated_deviation_of_the_contour_is_that_of_random_states(name):
 
 
 def test_start_turns_the_heading_towards_the_velocity():
-    initial = InitialState(
-        np.array([0.0, 10.0, 0.0, 5.0, 0.5, 0.0]), np.diag([0.1, 0.1, 0.04, 0.01, 0.01, 0.01])
-    )
+    covariance = np.diag([0.1, 0.1, 0.04, 0.01, 0.01, 0.01])
+    initial = InitialState(np.array([0.0, 10.0, 0.0, 5.0, 0.5, 0.0]), covariance)
     mean, covariance = start(initial, CAR, SHAPES["car"], TRACKER)
     assert mean[2] == pytest.approx(0.1, abs=0.01)
     assert covariance[2, 2] < 0.002
@@ -216,14 +193,9 @@ def test_silhouettes_at_the_border_of_the_field_of_view_are_not_used():
 def test_a_target_cut_off_by_the_field_of_view_keeps_its_place():
     poses = np.tile([0.0, 10.0, 0.0], (10, 1))
     whole = scans_seen(poses, noise=0.02)
-    offsets = whole.points_world - SENSOR[:2]
-    bearings = wrap_angle(np.arctan2(offsets[:, 1], offsets[:, 0]) - SENSOR[2])
-    inside = bearings > 0.0
-    cut = scans_of([whole.points_world[whole.rows(k)][inside[whole.rows(k)]] for k in range(10)])
-    results = [
-        track(replace(cut, field_of_view=view), start_at(poses), CAR, TRACKER)
-        for view in (None, FieldOfView(0.0, 0.6))
-    ]
+    cut = whole.of_rows(np.flatnonzero(whole.points_world[:, 0] < 0.0))
+    cuts = [replace(cut, field_of_view=view) for view in (None, FieldOfView(0.0, 0.6))]
+    results = [track(one, start_at(poses), CAR, TRACKER) for one in cuts]
     counts = np.diff(cut.offsets)
     assert_array_equal(results[0].nis_degrees_of_freedom, counts + 2)
     assert_array_equal(results[1].nis_degrees_of_freedom, counts + 1)
@@ -257,17 +229,14 @@ def test_stixels_see_a_class_behind_its_outline_and_within_it(name):
 @pytest.mark.parametrize("std", [0.05, 0.3, 1.0])
 def test_a_point_where_it_is_expected_is_likelier_than_clutter(std):
     """Far points are uncertain by 1 m, and no reason to leave the class."""
-    points = np.stack([np.linspace(-0.6, 0.6, 12), np.full(12, 30.0)], axis=-1)
-    rays = rays_of(points, np.tile(std**2 * np.eye(2), (12, 1, 1)), SENSOR)
+    rays = rays_at(np.stack([np.linspace(-0.6, 0.6, 12), np.full(12, 30.0)], axis=-1), std)
     prior, sight = class_shape("car"), sight_of("car", TRACKER)
     mean = np.array([0.0, 30.0 + 0.5 * prior.size[0], -np.pi / 2, 5.0, 0.0, 0.0, 0.0])
     covariance = 1e-4 * np.eye(7)
     joint = JointCovariance(covariance, np.full(SHAPE_ERRORS, 0.5))
-    likelihoods = [
-        Measurement(rays.subset(np.arange(n)), sight, TRACKER).update((mean, covariance, joint))[-1]
-        for n in (6, 12)
-    ]
-    assert likelihoods[1] > likelihoods[0]
+    state, some = (mean, covariance, joint), [rays.subset(np.arange(n)) for n in (6, 12)]
+    few, all_of_them = (Measurement(one, sight, TRACKER).update(state)[-1] for one in some)
+    assert all_of_them > few
 
 
 @given(seed=SEEDS, count=st.integers(1, 30))
@@ -331,9 +300,8 @@ def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
 
     used = measured.used
     innovation_covariance = (whole @ joint.matrix @ whole.T)[: count + 2, : count + 2]
-    density = multivariate_normal(
-        np.zeros(used.sum()), (innovation_covariance + np.diag(own))[used][:, used]
-    )
+    spread = (innovation_covariance + np.diag(own))[used][:, used]
+    density = multivariate_normal(np.zeros(used.sum()), spread)
     innovations = rows.innovations[: count + 2][used]
     gain = np.zeros((len(root), len(noise)))
     gain[:states] = found.covariance @ (rows.matrix.T / rows.noise)

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from seen_targets import SENSOR, scans_seen, seen, start_at, turning
-from tracking_cases import CAR, scans_of
+from seen_targets import rays_at, scans_seen, start_at, turning
+from tracking_cases import CAR
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target, wrap_angle
@@ -15,15 +15,14 @@ from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
-from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
+from stixel_cli.tracking.contour.contour_rays import sight_of
 from stixel_cli.tracking.contour.contour_recovery import RECENT, clusters_of, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import box_sizes
 from stixel_cli.tracking.contour.contour_update import Hypothesis
 from stixel_cli.tracking.contour.residual import Residual
 
-TRACKER = compose(
-    ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
-).configuration.tracker
+WORDS = ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
+TRACKER = compose(WORDS).configuration.tracker
 OF_ANY_CLASS = replace(TRACKER, road_user="estimated")
 SHAPE, CAR_SHAPE = class_shape("cyclist"), class_shape("car")
 KNOWN = replace(CAR, length=4.52, width=1.83)
@@ -38,19 +37,16 @@ def coming(heading, rate, count=20):
     return np.column_stack([np.array([0.0, 12.0]) + np.cumsum(steps, axis=0), headings])
 
 
-def wrong_side(poses, degrees):
-    """A start whose heading is on the other side of the line of sight, and certain."""
-    initial = start_at(poses, (0.0, 0.0, np.radians(degrees)))
-    return replace(initial, covariance=np.diag([0.04, 0.04, 0.002, 0.1, 0.1, 0.002]))
-
-
 @pytest.mark.parametrize(
     ("heading", "rate", "error"), [(-90, 0.3, 20), (-105, 0.4, -20), (-75, -0.4, 20)]
 )
 def test_a_cyclist_seen_from_its_end_is_found_again_on_the_other_side(heading, rate, error):
     poses = coming(heading, rate)
     scans = scans_seen(SHAPE.outline, poses, noise=0.02)
-    result = track(scans, wrong_side(poses, error), CYCLIST, TRACKER)
+    # The heading is on the other side of the line of sight, and certain.
+    covariance = np.diag([0.04, 0.04, 0.002, 0.1, 0.1, 0.002])
+    initial = replace(start_at(poses, (0.0, 0.0, np.radians(error))), covariance=covariance)
+    result = track(scans, initial, CYCLIST, TRACKER)
     assert np.hypot(*(result.means[10:, :2] - poses[10:, :2]).T).max() < 0.1
     assert np.abs(wrap_angle(result.means[10:, 2] - poses[10:, 2])).max() < np.radians(5)
 
@@ -100,17 +96,15 @@ def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():
 def test_the_cluster_of_the_points_has_their_neighbours_but_nothing_larger_than_the_class():
     sight = sight_of("cyclist", TRACKER)
     points = np.array([[0.0, 10.0], [0.3, 10.0], [0.6, 10.2], [4.0, 10.0], [0.0, 14.0]])
-    rays = rays_of(points, np.tile(1e-4 * np.eye(2), (5, 1, 1)), SENSOR)
     for after_gap in (False, True):
-        (found,) = clusters_of(rays, np.array([1]), sight, after_gap)
+        (found,) = clusters_of(rays_at(points, 0.01), np.array([1]), sight, after_gap)
         np.testing.assert_array_equal(found, [0, 1, 2])
     wall = np.column_stack([np.arange(12) * 0.4 - 2.0, np.full(12, 10.0)])
-    rays = rays_of(wall, np.tile(1e-4 * np.eye(2), (12, 1, 1)), SENSOR)
+    rays = rays_at(wall, 0.01)
     (found,) = clusters_of(rays, np.array([5, 6]), sight, False)
     np.testing.assert_array_equal(found, [5, 6])
     assert clusters_of(rays, np.array([5, 6]), sight, True) == []
-    both = np.concatenate([wall, points[:3] - [6.0, 0.0]])
-    rays = rays_of(both, np.tile(1e-4 * np.eye(2), (15, 1, 1)), SENSOR)
+    rays = rays_at(np.concatenate([wall, points[:3] - [6.0, 0.0]]), 0.01)
     (found,) = clusters_of(rays, np.array([5, 6, 13]), sight, True)
     np.testing.assert_array_equal(found, [12, 13, 14])
 
@@ -119,14 +113,9 @@ def test_a_target_is_found_again_that_turned_during_a_gap():
     """For 2 s without points it turned by 86 degrees, while the filter went straight on."""
     poses = turning(50, 4.0, 0.75)
     poses[:15] = poses[15] - (15 - np.arange(15))[:, None] * [*(poses[16] - poses[15])[:2], 0.0]
-    points, covariances = seen(CAR_SHAPE.outline, poses, noise=0.03)
-    nothing = np.zeros((0, 2)), np.zeros((0, 2, 2))
-    pairs = [
-        nothing if 15 <= k < 35 else pair
-        for k, pair in enumerate(zip(points, covariances, strict=True))
-    ]
-    scans = scans_of([pair[0] for pair in pairs], covariances=np.concatenate([p[1] for p in pairs]))
-    result = track(scans, start_at(poses), KNOWN, OF_ANY_CLASS)
+    scans = scans_seen(CAR_SHAPE.outline, poses, noise=0.03)
+    gap, rows = slice(scans.offsets[15], scans.offsets[35]), np.arange(len(scans.points_world))
+    result = track(scans.of_rows(np.delete(rows, gap)), start_at(poses), KNOWN, OF_ANY_CLASS)
     assert np.hypot(*(result.means[40:, :2] - poses[40:, :2]).T).max() < 0.3
     assert np.abs(wrap_angle(result.means[40:, 2] - poses[40:, 2])).max() < np.radians(5)
 
@@ -144,8 +133,8 @@ def test_a_start_that_is_as_wrong_as_it_states_is_mended(offset):
 def test_what_the_scans_say_of_the_size_fades():
     """Else the error of the shape, the same in all scans, would make the size certain."""
     poses = turning(700, 4.0, 0.3)
-    points, covariances = seen(CAR_SHAPE.outline * [1.07, 1.0], poses[:20], noise=0.03)
-    scans = scans_of(points + [np.zeros((0, 2))] * 680, covariances=np.concatenate(covariances))
+    scans = scans_seen(CAR_SHAPE.outline * [1.07, 1.0], poses, noise=0.03)
+    scans = scans.of_rows(np.arange(scans.offsets[20]))
     result = track(scans, start_at(poses), KNOWN, TRACKER)
     assert result.means[19, 6] > 0.04
     assert result.means[-1, 6] == pytest.approx(0.0, abs=1e-3)
@@ -163,12 +152,6 @@ def test_the_box_has_room_for_the_limbs():
     assert box_sizes(without, shape, residual) == pytest.approx(box_sizes(state, shape))
 
 
-def facing(poses, heading_error):
-    """A start whose heading is wrong by `heading_error` rad, and whose velocity is right."""
-    initial = start_at(poses, (0.1, 0.1, heading_error))
-    return replace(initial, covariance=np.diag([0.04, 0.04, 0.01, 4.0, 4.0, 0.01]))
-
-
 @pytest.mark.parametrize(
     ("speed", "opposite"), [(4.0, True), (4.0, False), (-1.0, False), (-2.5, False), (0.0, False)]
 )
@@ -177,7 +160,10 @@ def test_a_heading_against_a_fast_motion_is_turned_and_no_other(speed, opposite)
     if speed < 0:
         poses = poses[::-1].copy()
     scans = scans_seen(CAR_SHAPE.outline, poses, noise=0.02)
-    result = track(scans, facing(poses, np.pi if opposite else 0.0), KNOWN, TRACKER)
+    # The velocity is right, and only the heading may be wrong.
+    initial = start_at(poses, (0.1, 0.1, np.pi if opposite else 0.0))
+    initial = replace(initial, covariance=np.diag([0.04, 0.04, 0.01, 4.0, 4.0, 0.01]))
+    result = track(scans, initial, KNOWN, TRACKER)
     errors = np.abs(wrap_angle(result.means[:, 2] - poses[:, 2]))
     assert errors[15:].max() < 0.2
     assert (errors[0] > 3.0) == opposite
@@ -193,10 +179,10 @@ def test_turned_twice_is_the_state_itself(nodes):
     once = contour_recovery.turned(*state)
     again = contour_recovery.turned(*once)
     assert once[0][3] == -state[0][3] and once[1][0, 3] == -state[1][0, 3]
-    again[0][2] = wrap_angle(again[0][2])
-    state[0][2] = wrap_angle(state[0][2])
-    for value, expected in zip(again[:2], state[:2], strict=True):
-        np.testing.assert_allclose(value, expected)
+    for value in (again, state):
+        value[0][2] = wrap_angle(value[0][2])
+    np.testing.assert_allclose(again[0], state[0])
+    np.testing.assert_allclose(again[1], state[1])
     np.testing.assert_allclose(again[2].matrix, joint.matrix)
 
 
@@ -204,23 +190,15 @@ def test_a_turned_outline_is_the_same_outline_seen_from_its_rear():
     residual = Residual(CAR_SHAPE)
     mean = np.zeros(7 + NODES)
     mean[7] = 0.2
-    turned, *_ = contour_recovery.turned(
-        mean, np.eye(7 + NODES), JointCovariance(np.eye(7 + NODES), np.ones(3))
-    )
-    front = residual.outline(mean)[:, 0].max() - residual.outline(np.zeros(7 + NODES))[:, 0].max()
-    rear = residual.outline(turned)[:, 0].min() - residual.outline(np.zeros(7 + NODES))[:, 0].min()
-    assert front == pytest.approx(0.2, abs=0.02) and rear == pytest.approx(-0.2, abs=0.02)
+    unit = np.eye(7 + NODES)
+    turned, *_ = contour_recovery.turned(mean, unit, JointCovariance(unit, np.ones(3)))
+    plain, own, seen_from_rear = (residual.outline(one)[:, 0] for one in (0.0 * mean, mean, turned))
+    assert own.max() - plain.max() == pytest.approx(0.2, abs=0.02)
+    assert seen_from_rear.min() - plain.min() == pytest.approx(-0.2, abs=0.02)
 
 
 PARKED = world_from_target(class_shape("car").outline, np.array([0.0, 8.0, 0.0]))
 """A car 8 m in front of the sensor."""
-
-
-def passing(user):
-    """Poses of a road user that goes from the left to the right behind the parked car."""
-    count, speed = {"cyclist": (44, 4.0), "pedestrian": (64, 2.0)}[user]
-    xs = -0.5 * 0.1 * speed * count + 0.1 * speed * np.arange(count)
-    return np.column_stack([xs, np.full(count, 16.0), np.zeros(count)])
 
 
 @pytest.mark.parametrize("tracker", [contour, gp_ekf], ids=["contour", "gp_ekf"])
@@ -229,7 +207,10 @@ def passing(user):
 def test_a_target_that_is_hidden_is_not_the_car_that_hides_it(tracker, user, begins_hidden):
     name = tracker.__name__.rpartition(".")[2]
     p = compose(["measurement=fabricated", f"road_user={user}", f"tracker={name}"]).configuration
-    poses = passing(user)
+    # From the left to the right behind the parked car.
+    count, speed = {"cyclist": (44, 4.0), "pedestrian": (64, 2.0)}[user]
+    xs = 0.1 * speed * (np.arange(count) - 0.5 * count)
+    poses = np.column_stack([xs, np.full(count, 16.0), np.zeros(count)])
     poses = poses[len(poses) // 2 - 5 if begins_hidden else 0 :]
     scans = scans_seen(class_shape(user).outline, poses, noise=0.02, before=PARKED)
     track = tracker.track(scans, start_at(poses), p.prior, p.tracker)
@@ -242,15 +223,12 @@ def test_a_target_that_is_hidden_is_not_the_car_that_hides_it(tracker, user, beg
 
 
 def test_what_stood_elsewhere_is_known_and_what_reaches_the_target_is_not():
-    near, far = np.array([[0.5, 10.0], [0.7, 10.0]]), np.array([[6.0, 12.0], [6.2, 12.0]])
-    points = np.concatenate([near, far])
-    rays = rays_of(points, np.tile(1e-4 * np.eye(2), (4, 1, 1)), SENSOR)
+    near, far = [[0.5, 10.0], [0.7, 10.0]], [[6.0, 12.0], [6.2, 12.0]]
+    rays = rays_at(near + far, 0.01)
     background, place = Background(), np.array([0.0, 10.0])
     expected = [False, False, True, True]
     np.testing.assert_array_equal(background.others(rays, place, 1.0, 0.1), expected)
     np.testing.assert_array_equal(background.others(rays, place, 1.0, 2.0), expected)
     # The points of one object are neighbours: a part of it is within the target's reach.
-    points = np.column_stack([np.linspace(1.0, 6.0, 26), np.full(26, 10.0)])
-    rays = rays_of(points, np.tile(1e-4 * np.eye(2), (26, 1, 1)), SENSOR)
-    background, place = Background(), np.array([0.0, 10.0])
-    assert not background.others(rays, place, 1.0, 0.1).any()
+    rays = rays_at(np.column_stack([np.linspace(1.0, 6.0, 26), np.full(26, 10.0)]), 0.01)
+    assert not Background().others(rays, place, 1.0, 0.1).any()

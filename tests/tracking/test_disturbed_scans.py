@@ -33,17 +33,10 @@ SEED = 0
 @cache
 def clean(user, duration=2):
     """Configuration, scenario and fabricated scans of a road user that crosses."""
-    p = compose(
-        [
-            f"road_user={user}",
-            "path=crossing",
-            f"path.duration={duration}",
-            "measurement=fabricated",
-            "measurement/noise=constant",
-            f"measurement.noise.range_std={0.1 if user == 'car' else 0.05}",
-            "tracker=contour",
-        ]
-    ).configuration
+    words = ["measurement=fabricated", "measurement/noise=constant", "tracker=contour"]
+    words += [f"measurement.noise.range_std={0.1 if user == 'car' else 0.05}"]
+    words += [f"road_user={user}", "path=crossing", f"path.duration={duration}"]
+    p = compose(words).configuration
     ego = ego_motion(p.ego, p.path.duration, p.path.sample_time)
     scenario = build_scenario(ego, p.road_user, p.path)
     return p, scenario, fabricate_scans(scenario, p.rig, p.measurement, SEED)
@@ -52,11 +45,9 @@ def clean(user, duration=2):
 def followed(user, scans, start, duration=2):
     """The metrics of a track of the scans."""
     p, scenario, _ = clean(user, duration)
-    initial = (
-        noisy_start(scenario, p.start, SEED)
-        if start == "default"
-        else start_from_scans(scans, compose(["start=scans"]).configuration.start, p.prior)
-    )
+    initial = noisy_start(scenario, p.start, SEED)
+    if start == "scans":
+        initial = start_from_scans(scans, compose(["start=scans"]).configuration.start, p.prior)
     return evaluate(track(scans, initial, p.prior, p.tracker), scenario, scans).metrics
 
 
@@ -72,13 +63,20 @@ def disturbed(user, duration):
     rate = 0.1 * len(scans.points_world) / len(scans)
     # Not the greatest range: there clutter would hardly ever be near the target.
     found = disturb_scans(scans, (1.0, 1.9), rate, 20.0, SEED)
-    each = [
-        (found.points_world[rows], found.covariances_world[rows])
-        for rows in (slice(0, 0) if k % 7 == 6 else found.rows(k) for k in range(len(found)))
-    ]
-    return Scans.of_each(
-        found.times, found.sensor_poses_world, each, field_of_view=found.field_of_view
-    )
+    empty = np.zeros((0, 2)), np.zeros((0, 2, 2))
+    each = [empty if k % 7 == 6 else points_of(found, k) for k in range(len(found))]
+    return with_points(found, each)
+
+
+def points_of(scans, k):
+    """Points and covariances of scan k."""
+    return scans.points_world[scans.rows(k)], scans.covariances_world[scans.rows(k)]
+
+
+def with_points(scans, each):
+    """The scans with these points and covariances."""
+    view = scans.field_of_view
+    return Scans.of_each(scans.times, scans.sensor_poses_world, each, field_of_view=view)
 
 
 @pytest.mark.parametrize(
@@ -98,9 +96,8 @@ def test_dropout_empty_scans_and_clutter_cost_little(user, start):
 @cache
 def of_prior(user, prior, sensor="fabricated"):
     """The track of a road user with the prior of another class, from the scans alone."""
-    p = compose(
-        [f"prior={prior}", "tracker=contour", f"measurement={sensor}", "start=scans"]
-    ).configuration
+    words = [f"prior={prior}", "tracker=contour", f"measurement={sensor}", "start=scans"]
+    p = compose(words).configuration
     scans = clean(user)[2]
     return track(scans, start_from_scans(scans, p.start, p.prior), p.prior, p.tracker)
 
@@ -143,14 +140,9 @@ def test_a_wrong_class_is_reported_without_the_truth(user, prior, fits):
 def test_each_scan_has_the_state_of_the_class_that_it_reports(monkeypatch):
     p, scenario, whole = clean("cyclist")
     count = 6
-    each = [
-        (whole.points_world[rows], whole.covariances_world[rows])
-        for rows in map(whole.rows, range(count))
-    ]
-    view = whole.field_of_view
-    scans = Scans.of_each(
-        whole.times[:count], whole.sensor_poses_world[:count], each, field_of_view=view
-    )
+    each = [points_of(whole, k) for k in range(count)]
+    first = whole.times[:count], whole.sensor_poses_world[:count]
+    scans = Scans.of_each(*first, each, field_of_view=whole.field_of_view)
     unknown = compose(["prior=unknown", "tracker=contour", "measurement=fabricated"]).configuration
     initial = noisy_start(scenario, p.start, SEED)
     monkeypatch.setattr(contour, "CONTRADICTED", np.inf)
@@ -181,10 +173,7 @@ def test_the_other_classes_change_nothing_while_the_prior_fits(user):
     seen = class_shape(user), sight_of(user, tracker)
     alone = ClassFilter(initial, p.prior, *seen, tracker, sensor_errors=0)
     for k, interval in enumerate(intervals(scans.times)):
-        rows = scans.rows(k)
-        points, covariances = scans.points_world[rows], scans.covariances_world[rows]
-        sensor = scans.sensor_poses_world[k]
-        rays = rays_of(points, covariances, sensor, scans.field_of_view)
+        rays = rays_of(*points_of(scans, k), scans.sensor_poses_world[k], scans.field_of_view)
         alone.step(interval, rays, recovers=True)
     found = alone.track(scans.times, scans.offsets[:-1])
     assert pickle.dumps(found) == pickle.dumps(track(scans, initial, p.prior, tracker))
@@ -229,17 +218,9 @@ def test_a_pedestrian_beside_a_post_is_found_with_the_prior_of_a_car():
     away = place - scans.sensor_poses_world[0, :2]
     aside = np.array([-away[1], away[0]]) / np.hypot(*away)
     post = place + 1.5 * aside + np.array([[0.0, 0.0], [0.05, 0.0], [0.1, 0.0]])
-    spread = np.tile(0.05**2 * np.eye(2), (len(post), 1, 1))
-    each = [
-        (
-            np.concatenate([scans.points_world[rows], post]),
-            np.concatenate([scans.covariances_world[rows], spread]),
-        )
-        for rows in map(scans.rows, range(len(scans)))
-    ]
-    beside = Scans.of_each(
-        scans.times, scans.sensor_poses_world, each, field_of_view=scans.field_of_view
-    )
+    more = post, np.tile(0.05**2 * np.eye(2), (len(post), 1, 1))
+    pairs = [zip(points_of(scans, k), more, strict=True) for k in range(len(scans))]
+    beside = with_points(scans, [[np.concatenate(pair) for pair in one] for one in pairs])
     car = compose(["prior=car", "tracker=contour", "measurement=fabricated"]).configuration
     found = track(beside, noisy_start(scenario, p.start, SEED), car.prior, car.tracker)
     assert found.class_probabilities["pedestrian"][10:].min() > 0.99

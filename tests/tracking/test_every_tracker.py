@@ -17,25 +17,19 @@ from stixel_cli.config.compose import compose
 from stixel_cli.config.schema import Tracker
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.verdict import verdict
-from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.geometry.pose import rectangle, rotation, wrap_angle
 from stixel_cli.measurements.scans import FARTHEST, Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import check_finite
 
-OUTLINE = np.array([[2.1, 0.85], [-2.1, 0.85], [-2.1, -0.85], [2.1, -0.85]])
+OUTLINE = rectangle(4.2, 1.7)
 EMPTY = np.zeros((0, 2))
 # `tracker=file` reads its track.
-KINDS = [
-    "no_data",
-    *(kind for one in get_args(Tracker) for kind in kinds_of(one) if kind != "file"),
-]
+KINDS = ["no_data", *(kind for one in get_args(Tracker) for kind in kinds_of(one))]
+KINDS.remove("file")
 # The peers are not ours to mend.
-WAYS = [
-    *(kind for kind in KINDS if kind != "pyrecest"),
-    "contour measurement=fabricated",
-    "gp_ekf measurement=fabricated",
-    "gp_ekf tracker.seen_by=null",
-]
+WAYS = [kind for kind in KINDS if kind != "pyrecest"] + ["gp_ekf tracker.seen_by=null"]
+WAYS += [f"{name} measurement=fabricated" for name in ("contour", "gp_ekf")]
 SMOOTHED = [f"{name} tracker.lag=null" for name in ("contour", "gp_ekf", "point")]
 
 
@@ -45,9 +39,8 @@ def tracker_of(words):
         pytest.importorskip("pyrecest")
     configuration = compose(f"tracker={words}".split()).configuration
     module = import_module(type(configuration.tracker).__module__.removesuffix("_parameters"))
-    return lambda scans, initial: module.track(
-        scans, initial, configuration.prior, configuration.tracker
-    )
+    settings = configuration.prior, configuration.tracker
+    return lambda scans, initial: module.track(scans, initial, *settings)
 
 
 def given():
@@ -86,7 +79,7 @@ def test_the_order_of_the_points_does_not_matter(words):
     rows = np.arange(len(scans.points_world))
     rows = np.concatenate([rows[scans.rows(k)][::-1] for k in range(len(scans))])
     points, covariances = scans.points_world[rows], scans.covariances_world[rows]
-    turned = scans_of(np.split(points, scans.offsets[1:-1]), covariances=covariances)
+    turned = dataclasses.replace(scans, points_world=points, covariances_world=covariances)
     plain, other = plain_track(words), tracker_of(words)(turned, initial)
     assert_allclose(other.means, plain.means, atol=1e-6)
     assert_allclose(other.covariances, plain.covariances, atol=1e-6)

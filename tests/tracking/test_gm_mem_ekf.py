@@ -25,14 +25,11 @@ SEEDS = st.integers(0, 2**31)
 
 def estimate_at(random, spread, shape_spread):
     """An estimate with small covariances round a car that is 10 m ahead."""
-    spreads = ((4, spread), (3, shape_spread))
-    roots = [size * random.standard_normal((n, n)) for n, size in spreads]
-    return Estimate(
-        np.array([0.5, 10.0, 3.0, 1.0]),
-        roots[0] @ roots[0].T + 1e-6 * np.eye(4),
-        np.array([0.4, 2.2, 0.9]),
-        roots[1] @ roots[1].T + 1e-6 * np.eye(3),
-    )
+    means, parts = (np.array([0.5, 10.0, 3.0, 1.0]), np.array([0.4, 2.2, 0.9])), []
+    for mean, size in zip(means, (spread, shape_spread), strict=True):
+        root = size * random.standard_normal((len(mean), len(mean)))
+        parts += [mean, root @ root.T + 1e-6 * np.eye(len(mean))]
+    return Estimate(*parts)
 
 
 @pytest.mark.parametrize(
@@ -61,10 +58,9 @@ def test_moments_are_those_of_random_shapes_and_points(seed):
     shapes = random.multivariate_normal(estimate.shape, estimate.shape_covariance, count)
     along = MIDDLES[side] + np.sqrt(VARIANCES[side]) * random.standard_normal((count, 2))
     body = shapes[:, 1:] * along
-    cosine, sine = np.cos(shapes[:, 0]), np.sin(shapes[:, 0])
+    turned = (body @ [1.0, 1.0j]) * np.exp(1j * shapes[:, 0])
     points = states[:, :2] + random.multivariate_normal([0, 0], noise, count)
-    points += np.stack([cosine * body[:, 0] - sine * body[:, 1],
-                        sine * body[:, 0] + cosine * body[:, 1]], axis=1)  # fmt: skip
+    points += np.stack([turned.real, turned.imag], axis=1)
     middle = estimate.state[:2] + rotation(0.4) @ (estimate.shape[1:] * MIDDLES[side])
     weights = np.eye(4)[side]
     spread = np.cov((points - middle).T)
@@ -73,9 +69,8 @@ def test_moments_are_those_of_random_shapes_and_points(seed):
         assert distance == pytest.approx(offset @ np.linalg.solve(spread, offset), rel=0.03)
     posterior, _ = update(estimate, middle + np.array([0.3, -0.2]), noise, weights)
     gain = np.cov(states[:, :2].T, points.T)[:2, 2:] @ np.linalg.inv(spread)
-    np.testing.assert_allclose(
-        posterior.state[:2] - estimate.state[:2], gain @ [0.3, -0.2], rtol=0.05, atol=2e-3
-    )
+    moved = posterior.state[:2] - estimate.state[:2]
+    np.testing.assert_allclose(moved, gain @ [0.3, -0.2], rtol=0.05, atol=2e-3)
 
 
 def test_points_farther_along_the_side_lengthen_it_and_nearer_ones_shorten_it():

@@ -1,6 +1,7 @@
 """The GP filter, and the points that it takes."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.stats import chi2
-from tracking_cases import CAR, START, TRACKER, poses_of_turn, scans_of, seen_car
+from tracking_cases import CAR, START, TRACKER, jacobian, poses_of_turn, scans_of, seen_car
 
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.tracking import gp_ekf
@@ -64,12 +65,8 @@ def test_jacobian_matches_finite_differences(seed, mean_radius):
     mean, points = some_state(np.random.default_rng(seed))
     predicted, matrix, _ = dense_model(points, mean, process)
     np.testing.assert_allclose(predicted, measurement(points, mean, process), atol=1e-9)
-    step = 1e-5
-    for i, column in enumerate(matrix.T):
-        shift = step * np.eye(len(mean))[i]
-        difference = measurement(points, mean + shift, process)
-        difference -= measurement(points, mean - shift, process)
-        np.testing.assert_allclose(column, difference / (2 * step), rtol=1e-4, atol=1e-4)
+    expected = jacobian(lambda state: measurement(points, state, process), mean, 1e-5)
+    np.testing.assert_allclose(matrix, expected, rtol=1e-4, atol=1e-4)
 
 
 @given(seed=SEEDS, tangential=st.booleans(), rank=st.integers(3, 22))
@@ -106,21 +103,15 @@ def test_update_matches_the_textbook(seed, tangential, rank):
 @given(seed=SEEDS)
 def test_the_gradients_are_how_residuals_change_as_points_move(seed):
     mean, points = some_state(np.random.default_rng(seed))
-    step = 1e-6
-    gradients = [
-        linearise(points + step * axis, mean, PROCESS).residuals
-        - linearise(points - step * axis, mean, PROCESS).residuals
-        for axis in np.eye(2)
-    ]
-    expected = np.stack(gradients, axis=-1) / (2.0 * step)
+    expected = jacobian(lambda by: linearise(points + by, mean, PROCESS).residuals, np.zeros(2))
     found = linearise(points, mean, PROCESS).gradients
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-8)
 
 
-def test_filter_stays_finite_and_semi_definite_over_a_thousand_scans(tracker):
+def test_filter_stays_finite_and_semi_definite_over_a_thousand_scans():
     points = [p if k % 7 else np.zeros((0, 2)) for k, p in enumerate(seen_car(1000, 8))]
     points[500:700] = [np.zeros((0, 2))] * 200
-    found = track(scans_of(points), *tracker)
+    found = track(scans_of(points), START, CAR, TRACKER)
     for array in (found.means, found.covariances, found.contours_world, found.contour_std):
         assert np.isfinite(array).all()
     for covariance in found.covariances[::50]:
@@ -128,12 +119,11 @@ def test_filter_stays_finite_and_semi_definite_over_a_thousand_scans(tracker):
 
 
 @pytest.mark.parametrize("distance", [0.0, 1e-12, 1e-5, 2e-3, 1e-2])
-def test_point_on_the_predicted_centre_is_handled(tracker, distance):
-    initial, prior, parameters = tracker
+def test_point_on_the_predicted_centre_is_handled(distance):
     points = seen_car(3, 20)
-    centre = initial.mean[:2] + 0.1 * initial.mean[3:5]
+    centre = START.mean[:2] + 0.1 * START.mean[3:5]
     points[0] = np.concatenate([points[0], centre[None] + [distance, 0.0]])
-    found = track(scans_of(points), initial, prior, parameters)
+    found = track(scans_of(points), START, CAR, TRACKER)
     assert np.isfinite(found.means).all()
     assert np.isfinite(found.covariances).all()
     assert (20 in found.used_points) == (distance >= 1e-3)
@@ -154,15 +144,13 @@ def test_nis_has_one_degree_of_freedom_per_point():
     assert np.mean(found.nis / found.nis_degrees_of_freedom) == pytest.approx(1.0, abs=0.06)
 
 
-def test_contour_and_std_match_the_regression(tracker):
+def test_contour_and_std_match_the_regression():
     """The band is that of the point where a fixed ray meets the contour, to first order."""
-    found = track(scans_of(seen_car(4, 30)), *tracker)
+    found = track(scans_of(seen_car(4, 30)), START, CAR, TRACKER)
     count = found.contours_world.shape[1]
     angles = 2.0 * np.pi * np.arange(count) / count
-    parameters = tracker[2]
-    process = ContourProcess(
-        parameters.basis_points, parameters.length_scale, 1.0, 0.4, parameters.jitter
-    )
+    size = TRACKER.basis_points, TRACKER.length_scale
+    process = ContourProcess(*size, 1.0, 0.4, TRACKER.jitter)
     matrix, variances = process.at(angles)
     mean, covariance = found.means[-1], found.covariances[-1]
     offsets = found.contours_world[-1] - mean[:2]
@@ -170,7 +158,7 @@ def test_contour_and_std_match_the_regression(tracker):
     bearings = mean[2] + angles
     np.testing.assert_allclose(found.contour_directions[-1, :, 0], np.cos(bearings), atol=1e-12)
 
-    def met(state, direction):
+    def met(direction, state):
         """Range from the estimated centre at which a ray meets the contour of another state."""
 
         def outside(along):
@@ -182,22 +170,17 @@ def test_contour_and_std_match_the_regression(tracker):
 
     for i in (0, 7, 21, 50):
         direction = found.contour_directions[-1, i]
-        slopes = np.zeros(len(mean))
-        for j in np.r_[0:3, 6 : len(mean)]:
-            step = np.zeros(len(mean))
-            step[j] = 1e-5
-            slopes[j] = (met(mean + step, direction) - met(mean - step, direction)) / 2e-5
+        slopes = jacobian(functools.partial(met, direction), mean, 1e-5)
         expected = np.sqrt(slopes @ covariance @ slopes + variances[i])
         assert found.contour_std[-1, i] == pytest.approx(expected, rel=1e-5)
 
 
-def test_unseen_radii_return_to_the_mean_radius_which_is_between_the_half_axes(tracker):
-    initial, prior, parameters = tracker
-    forgetting = dataclasses.replace(parameters, forgetting_rate=100.0)
+def test_unseen_radii_return_to_the_mean_radius_which_is_between_the_half_axes():
+    forgetting = dataclasses.replace(TRACKER, forgetting_rate=100.0)
     nothing = scans_of([np.zeros((0, 2))] * 5)
-    for mean_function, radius in (("zero", 0.0), ("class_radius", mean_radius(prior))):
+    for mean_function, radius in (("zero", 0.0), ("class_radius", mean_radius(CAR))):
         chosen = dataclasses.replace(forgetting, mean_function=mean_function)
-        found = track(nothing, initial, prior, chosen)
+        found = track(nothing, START, CAR, chosen)
         np.testing.assert_allclose(found.means[-1, 6:], radius, atol=1e-9)
         reach = np.linalg.norm(found.contours_world[-1] - found.means[-1, :2], axis=1)
         np.testing.assert_allclose(reach, radius, atol=1e-9)
@@ -242,8 +225,7 @@ def test_moments_of_an_ellipse_a_rectangle_an_asymmetric_contour_and_of_none():
     np.testing.assert_allclose(centroid, [1.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(moments, np.eye(2), atol=1e-9)
     centroid, moments = contour_moments(DIRECTIONS, -np.ones(2000))
-    assert not centroid.any()
-    assert not moments.any()
+    assert not centroid.any() and not moments.any()
 
 
 @given(seed=st.integers(0, 2**31), probability=st.floats(0.01, 0.999), each=st.booleans())
@@ -252,13 +234,10 @@ def test_gate_matches_the_normal_density(seed, probability, each):
     points = 3.0 * random.standard_normal((30, 2))
     roots = random.standard_normal((30 if each else 1, 2, 2))
     spread = roots @ np.swapaxes(roots, 1, 2) + 0.1 * np.eye(2)
-    expected = [
-        i
-        for i, z in enumerate(points)
-        if (z - 1.0) @ np.linalg.solve(spread[i % len(spread)], z - 1.0) <= chi2.ppf(probability, 2)
-    ]
+    away = points - 1.0
+    squared = (away * np.linalg.solve(spread, away[..., None])[..., 0]).sum(axis=1)
     found = associate(points, np.ones(2), spread if each else spread[0], probability)
-    assert found.tolist() == expected
+    assert found.tolist() == np.flatnonzero(squared <= chi2.ppf(probability, 2)).tolist()
 
 
 def test_no_gate_accepts_all_points_and_an_empty_scan_gives_no_point():
@@ -272,29 +251,25 @@ def test_contour_is_inside_its_own_gate(size, shape):
     prior = PriorShape(*size, shape, 0.0, 1.0, 1.0, 0.1, 0.3, "car", 0.06, 0.06, None)
     radii = prior_radii(prior, ANGLES)
     centroid, moments = contour_moments(DIRECTIONS, radii)
-    outline = radii[:, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)
-    assert len(associate(outline, centroid, moments, 0.99)) == len(outline)
+    assert len(associate(radii[:, None] * DIRECTIONS, centroid, moments, 0.99)) == len(radii)
 
 
-def test_gate_accepts_target_points_and_rejects_a_wall_behind(tracker):
+def test_gate_accepts_target_points_and_rejects_a_wall_behind():
     scans = seen_car(40, 60)
     behind = np.stack([np.linspace(-4.5, 4.5, 30), np.full(30, 0.9 + 3.0)], axis=-1)
-    with_wall = [
-        np.concatenate([points, world_from_target(behind, pose)])
-        for points, pose in zip(scans, poses_of_turn(40), strict=True)
-    ]
-    found = track(scans_of(with_wall), *tracker)
+    walls = [world_from_target(behind, pose) for pose in poses_of_turn(40)]
+    mixed = [np.concatenate(pair) for pair in zip(scans, walls, strict=True)]
+    found = track(scans_of(mixed), START, CAR, TRACKER)
     for k in range(10, 40):
         used = found.used_points[found.used_offsets[k] : found.used_offsets[k + 1]] - 90 * k
         assert set(range(60)) <= set(used.tolist())
         assert used.max() < 60
 
 
-def test_gate_rotates_with_the_target(tracker):
+def test_gate_rotates_with_the_target():
     """3 m from the centre is inside before the car (2.1 m to its front), outside beside it."""
-    initial, prior, parameters = tracker
-    centre = initial.mean[:2]
-    points = centre + np.array([[3.0, 0.0], [0.0, 3.0]]) @ rotation(initial.mean[2]).T
+    centre = START.mean[:2]
+    points = centre + np.array([[3.0, 0.0], [0.0, 3.0]]) @ rotation(START.mean[2]).T
     # A single scan has no sample time: it is not predicted.
-    found = track(scans_of([points]), initial, prior, parameters)
+    found = track(scans_of([points]), START, CAR, TRACKER)
     assert found.used_points.tolist() == [0]

@@ -10,13 +10,14 @@ from stixel_cli.measurements.disturbance import CLUTTER_HEIGHT, disturb_scans
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.lidar import lidar_scans
 from stixel_cli.measurements.lidar_casting import cast_lidar
+from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.baselines import rectangle
 from stixel_cli.tracking.contour import contour
 from stixel_cli.tracking.contour.class_shape import HEIGHTS
-from stixel_cli.tracking.contour.contour_rays import at_heights, rays_of
+from stixel_cli.tracking.contour.contour_rays import FACES, at_heights, rays_of, segments
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.start import noisy_start
 
@@ -62,54 +63,84 @@ def test_the_heights_are_those_of_the_returns_and_the_nearest_have_none():
     assert len(scans.heights) == len(scans.points_world)
     p, _, nearest = seen("nearest")
     assert nearest.heights is None
-    assert (scans.heights >= p.measurement.height_min).all()
-    assert (scans.heights <= p.measurement.height_max).all()
+    assert p.measurement.height_min <= scans.heights.min()
+    assert scans.heights.max() <= p.measurement.height_max
     assert np.ptp(scans.heights) > 0.8
     found, rows = scans.nearest_returns()
-    np.testing.assert_array_equal(found.offsets, nearest.offsets)
-    np.testing.assert_allclose(found.points_world, nearest.points_world, atol=1e-9)
     np.testing.assert_array_equal(found.heights, scans.heights[rows])
+    kept = {tuple(one) for one in found.points_world.round(9)}
+    assert {tuple(one) for one in nearest.points_world.round(9)} <= kept
+    assert len(kept) < 0.2 * len(scans.points_world)
     assert nearest.nearest_returns()[0] is nearest
+
+
+def over_a_hedge():
+    """A hedge 8 m ahead, and behind it the roof of a car from 12 to 13 m, at 21 bearings."""
+    bearings = np.pi / 2.0 + np.radians(np.arange(-10.0, 11.0))
+    ranges = np.repeat([[12.0, 8.0, 13.0, 8.3]], 21, axis=0)
+    heights = np.repeat([[1.3, 0.5, 1.4, 1.0]], 21, axis=0)
+    along = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    points = (ranges[..., None] * along[:, None]).reshape(-1, 2)
+    scan = points, np.tile(0.02**2 * np.eye(2), (len(points), 1, 1))
+    return Scans.of_each([0.0], [[0.0, 0.0, np.pi / 2.0]], [scan], heights=[heights.ravel()])
+
+
+def test_of_each_object_in_a_bearing_the_nearest_return_is_taken():
+    found, rows = over_a_hedge().nearest_returns()
+    np.testing.assert_allclose(np.hypot(*found.points_world.T), 21 * [12.0, 8.0])
+    np.testing.assert_array_equal(rows, np.arange(84).reshape(-1, 4)[:, :2].ravel())
+
+
+def test_points_over_a_hedge_are_one_segment_and_the_hedge_is_another():
+    found, _ = over_a_hedge().nearest_returns()
+    rays = rays_of(found.points_world, found.covariances_world, np.zeros(3), heights=found.heights)
+    hedge = np.hypot(*found.points_world.T) < 10.0
+    labels = segments(rays)
+    assert len({*labels[hedge]}) == len({*labels[~hedge]}) == 1
+    assert labels[hedge][0] != labels[~hedge][0]
 
 
 LOW, HIGH = 0.4, 1.05
 BOX = outline_table(np.array([[2.0, -0.9], [2.0, 0.9], [-2.0, 0.9], [-2.0, -0.9]]))
-INSETS = np.zeros((2, 2, len(HEIGHTS)))
+INSETS = np.zeros((3, 2, len(HEIGHTS)))
 INSETS[0, :, HEIGHTS > 0.9] = 0.8, 0.2
-"""A rear window, 0.8 ± 0.2 m inside the rear; the front is upright."""
+INSETS[2, :, HEIGHTS > 0.9] = 0.1, 0.05
+"""A rear window, 0.8 ± 0.2 m inside the rear, between sides that lean in; the front is upright."""
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.4, -2.5])
 @pytest.mark.parametrize(
     ("sensor", "points", "inside"),
     [
-        ([-12.0, 0.5], [[-2.0, 0.0], [-1.2, 0.3]], 0.8),
-        ([-12.0, 5.0], [[-2.0, 0.0], [-1.2, 0.3]], 0.8),
+        ([-12.0, 0.5], [[-2.0, 0.0], [-1.2, 0.3]], (0, 0.8, 0.2)),
+        ([-12.0, 5.0], [[-2.0, 0.0], [-1.2, 0.3]], (0, 0.8, 0.2)),
         # It is already behind what the sensor sees of the outline: by 0.2 m.
-        ([-12.0, 0.0], [[-2.0, 0.0], [-1.8, 0.0]], 0.8),
-        ([0.0, -12.0], [[0.5, -0.9], [-0.5, -0.9]], 0.0),
-        ([12.0, 0.0], [[2.0, 0.0], [2.0, 0.3]], 0.0),
+        ([-12.0, 0.0], [[-2.0, 0.0], [-1.8, 0.0]], (0, 0.8, 0.2)),
+        ([0.0, -12.0], [[0.5, -0.9], [-0.5, -0.8]], (1, 0.1, 0.05)),
+        ([12.0, 0.0], [[2.0, 0.0], [2.0, 0.3]], (0, 0.0, 0.0)),
     ],
     ids=["behind", "oblique", "wrong place", "side", "front"],
 )
-def test_a_high_point_of_the_rear_counts_as_one_of_the_bumper(heading, sensor, points, inside):
+def test_a_high_point_counts_as_a_low_one(heading, sensor, points, inside):
     turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     pose = np.array([3.0, 7.0, heading, 0.0, 0.0])
     points, sensor = (np.array(one) @ turn + pose[:2] for one in (points, sensor))
-    noise = np.tile(0.01**2 * np.eye(2), (2, 1, 1))
+    noise, (axis, inset, std) = np.tile(0.01**2 * np.eye(2), (2, 1, 1)), inside
     rays = rays_of(points, noise, np.append(sensor, 0.0), heights=np.array([LOW, HIGH]))
     moved = at_heights(rays, pose, BOX, INSETS)
     ahead = moved.directions @ turn.T
     expected = rays.points_world - pose[:2]
-    expected[1] -= inside / abs(ahead[1, 0]) * rays.directions[1]
+    expected[1] -= inset / abs(ahead[1, axis]) * rays.directions[1]
     np.testing.assert_allclose(moved.points_world - pose[:2], expected, atol=1e-6)
-    std = np.hypot(0.01, 0.2 / abs(ahead[1, 0])) if inside else 0.01
-    np.testing.assert_allclose(moved.stds, [0.01, std], atol=1e-9)
+    stds = [0.01, np.hypot(0.01, std / abs(ahead[1, axis]))]
+    np.testing.assert_allclose(moved.stds, stds, atol=1e-9)
+    # What the target's own face is off moves along its normal, inwards.
+    shared = np.zeros((2, FACES, 2))
+    shared[1, axis, axis] = std * np.sign(ahead[1, axis])
+    np.testing.assert_allclose(turn @ moved.shared, shared, atol=1e-9)
     assert at_heights(rays, pose, BOX, None) is rays
-    assert (
-        at_heights(rays_of(points, noise, np.append(sensor, 0.0)), pose, BOX, INSETS).stds[1]
-        < 0.011
-    )
+    without = at_heights(rays_of(points, noise, np.append(sensor, 0.0)), pose, BOX, INSETS)
+    assert without.stds[1] < 0.011
 
 
 def test_dropout_and_clutter_keep_the_heights_of_the_points():

@@ -8,33 +8,23 @@ from tracking_cases import CAR, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rectangle, rotation
-from stixel_cli.tracking.baselines.lidar_random_matrix import (
-    measured_centre,
-    track,
-)
+from stixel_cli.tracking.baselines.lidar_random_matrix import measured_centre, track
 from stixel_cli.tracking.motion import MOVING, intervals, predict_place
 
-TRACKERS = {
-    name: compose([f"tracker={name}"]).configuration.tracker
-    for name in ("lidar_random_matrix", "li_random_matrix")
-}
+NAMES = ("lidar_random_matrix", "li_random_matrix")
+TRACKERS = {name: compose([f"tracker={name}"]).configuration.tracker for name in NAMES}
 EMPTY = np.zeros((0, 2))
 SENSOR = np.zeros(2)
 
 
-def two_sides(turn, place, count=15):
-    """Points on the two sides that a sensor at the origin sees, and the rectangle's centre."""
-    near, left, right = [-2.0, -1.0], [-2.0, 1.0], [2.0, -1.0]
-    shares = np.linspace(0.0, 1.0, count)[:, None]
-    body = np.concatenate([left + shares * np.subtract(near, left),
-                           near + shares[1:] * np.subtract(right, near)])  # fmt: skip
-    return body @ rotation(turn).T + place
-
-
 def test_points_on_both_sides_of_the_backward_direction_are_in_order():
     """Bearings jump from π to -π behind the sensor."""
-    points = two_sides(0.9, [2.0, 9.0]) @ rotation(np.pi / 2 + 0.2).T
+    near, left, right = [-2.0, -1.0], [-2.0, 1.0], [2.0, -1.0]
+    shares = np.linspace(0.0, 1.0, 15)[:, None]
+    first, second = shares * np.subtract(near, left), shares[1:] * np.subtract(right, near)
+    body = np.concatenate([left + first, near + second])
     place = rotation(np.pi / 2 + 0.2) @ [2.0, 9.0]
+    points = body @ rotation(np.pi / 2 + 0.2 + 0.9).T + place
     assert np.ptp(np.arctan2(points[:, 1], points[:, 0])) > 6.0
     np.testing.assert_allclose(measured_centre(points, SENSOR, "ends"), place, atol=1e-12)
 

@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from seen_targets import SENSOR, scans_of, scans_seen, start_at, turning
+from tracking_cases import jacobian
 
 from stixel_cli.config.compose import compose
+from stixel_cli.geometry.pose import rectangle
 from stixel_cli.measurements.scans import FieldOfView, Scans, SharedErrors
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.gp_ekf import track
@@ -17,7 +19,7 @@ from stixel_cli.tracking.loop import Scan
 from stixel_cli.tracking.motion import tied_to_velocity, velocity_across
 from stixel_cli.tracking.one_side import END_STD, OneSide, size_slopes
 
-CAR = np.array([[2.2, 0.9], [-2.2, 0.9], [-2.2, -0.9], [2.2, -0.9]])
+CAR = rectangle(4.4, 1.8)
 POSES = turning(40, 4.0, 0.1, (-6.0, 12.0))
 
 
@@ -45,27 +47,19 @@ def beside(scans, shift):
         points, covariances = scans.points_world[rows], scans.covariances_world[rows]
         own, others = (np.arctan2(*(one - SENSOR[:2]).T) for one in (points, points + shift))
         seen = (others < own.min()) | (others > own.max())
-        both.append(
-            (
-                np.vstack([points, (points + shift)[seen]]),
-                np.concatenate([covariances, covariances[seen]]),
-            )
-        )
+        all_covariances = np.concatenate([covariances, covariances[seen]])
+        both.append((np.vstack([points, (points + shift)[seen]]), all_covariances))
     return Scans.of_each(scans.times, scans.sensor_poses_world, both)
 
 
 def test_a_neighbour_behind_a_car_is_left_out():
     scans = scans_seen(CAR, POSES, noise=0.03)
     # Only the uncertain start takes points of the neighbour.
-    errors = {
-        seen_by: centre_errors(followed(beside(scans, [0.3, 2.6]), f"tracker.seen_by={seen_by}"))[
-            5:
-        ]
-        for seen_by in ("fabricated", "null")
-    }
-    alone = centre_errors(followed(scans))
-    assert errors["fabricated"].max() < alone.max() + 0.1
-    assert errors["null"].max() > 2.0 * errors["fabricated"].max()
+    mixed, alone = beside(scans, [0.3, 2.6]), centre_errors(followed(scans))
+    tracks = [followed(mixed, f"tracker.seen_by={by}") for by in ("fabricated", "null")]
+    of_side, of_contour = (centre_errors(one)[5:].max() for one in tracks)
+    assert of_side < alone.max() + 0.1
+    assert of_contour > 2.0 * of_side
 
 
 def side_of(prior, seen_by="stixels", field_of_view=None):
@@ -78,7 +72,7 @@ def side_of(prior, seen_by="stixels", field_of_view=None):
 def row_of_points(side, mean, shift):
     """Rays through nine points on the near side of the contour, moved to the right."""
     points = np.stack([np.linspace(-0.9, 0.9, 9) + shift, np.full(9, 9.8)], axis=-1)
-    return side.rays(scan_of(points), mean[:3])[0]
+    return side.rays(scan_of(points), mean, 0.01 * np.eye(2))[0]
 
 
 def scan_of(points):
@@ -96,21 +90,20 @@ def across(side):
 def test_a_contour_beside_its_points_moves_to_their_ends():
     _, side = side_of(configured("road_user=cyclist").prior, "fabricated")
     mean, covariance = across(side)
-    middle = side.between_ends(row_of_points(side, mean, 0.0), mean, covariance)[0]
+    rays = row_of_points(side, mean, 0.0)
+    middle = side.between_ends(rays, mean, covariance)[0]
     placed, gain, row = side.between_ends(row_of_points(side, mean, 0.4), mean, covariance)
     share = 0.1 / (0.1 + END_STD**2)
     assert gain[:2] == pytest.approx([-share, 0.0], abs=0.05)
     assert (placed - middle)[0] == pytest.approx(0.4 * share, rel=0.1)
     assert placed[1:] == pytest.approx(mean[1:], abs=0.02)
+
     # The derivative of the ends' middle, to the left, by the pose.
-    step = 1e-4
-    for state in range(3):
-        moved_mean = mean.copy()
-        moved_mean[state] += step
-        rays = row_of_points(side, mean, 0.0)
-        after = side.between_ends(rays, moved_mean, covariance)[0] - moved_mean
-        slope = ((middle - mean) - after)[0] / gain[0] / step
-        assert slope == pytest.approx(row[state], abs=5e-3)
+    def correction(pose):
+        return side.between_ends(rays, np.append(pose, mean[3:]), covariance)[0][0] - pose[0]
+
+    slopes = -jacobian(correction, mean[:3], 1e-4) / gain[0]
+    assert slopes == pytest.approx(row[:3], abs=5e-3)
 
 
 @pytest.mark.parametrize("hidden", ["border", "nearer object"])
@@ -122,7 +115,7 @@ def test_an_end_that_is_not_seen_is_not_used(hidden):
     if hidden != "border":
         nearer = [[-0.9, 8.0], [0.9, 8.0]]
         points = np.vstack([rays.points_world, nearer])
-        rays = side.rays(scan_of(points), mean[:3])[0]
+        rays = side.rays(scan_of(points), mean, 0.01 * np.eye(2))[0]
         assert side.between_ends(rays.subset(np.arange(9)), mean, covariance) is None
     else:
         row = side.between_ends(rays, mean, covariance)[2]
@@ -145,9 +138,22 @@ def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
     prior = replace(configured().prior, road_user="unknown")
     _, side = side_of(prior)
     points = np.array([[0.5, 9.0], [-0.5, 9.1]])
-    rays, stds = side.rays(scan_of(points), np.zeros(3))
+    mean = np.concatenate([np.zeros(6), side.radii])
+    rays, stds = side.rays(scan_of(points), mean, 0.01 * np.eye(2))
     assert not stds.any()
     assert rays.points_world == pytest.approx(points)
+
+
+def test_what_stands_elsewhere_is_remembered_where_it_was_measured():
+    """High points move with the place of the target: as moved, they were new ones each time."""
+    _, side = side_of(configured().prior, "lidar")
+    hedge = np.stack([np.linspace(-1.0, 1.0, 21), np.full(21, 10.0)], axis=-1)
+    scan = scan_of(hedge)._replace(heights=np.full(21, 1.2))
+    for place in (30.0, 12.0):
+        mean = np.concatenate([[0.0, place, -0.5 * np.pi, 0.0, 0.0, 0.0], side.radii])
+        rays, _ = side.rays(scan, mean, 0.01 * np.eye(2))
+        assert rays.others.all()
+    assert np.hypot(*(rays.points_world - hedge).T).min() > 0.5
 
 
 @given(
@@ -174,16 +180,13 @@ def test_heading_and_velocity_are_drawn_together(heading, speed, direction, slip
 
 
 def test_the_derivative_of_an_outline_by_its_size_is_that_of_the_scaled_outline():
-    angles = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
-    outline = np.stack([2.0 * np.cos(angles), 0.9 * np.sin(angles)], axis=-1)
-    bearings = np.arctan2(outline[:, 1], outline[:, 0])
-    step = 1e-4
-    for slopes, scale in zip(size_slopes(outline), np.eye(2), strict=True):
-        radii = [
-            1.0 / np.hypot(*(np.stack([np.cos(bearings), np.sin(bearings)]).T / half).T)
-            for half in (np.array([2.0, 0.9]) * np.exp(sign * step * scale) for sign in (1, -1))
-        ]
-        np.testing.assert_allclose(slopes, (radii[0] - radii[1]) / (2.0 * step), atol=2e-3)
+    angles, half = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False), np.array([2.0, 0.9])
+    outline = half * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    directions = outline / np.hypot(*outline.T)[:, None]
+    slopes = jacobian(
+        lambda size: 1.0 / np.hypot(*(directions / (half * np.exp(size))).T), np.zeros(2), 1e-4
+    )
+    np.testing.assert_allclose(size_slopes(outline), slopes.T, atol=2e-3)
 
 
 def test_the_radii_are_as_uncertain_as_sizes_and_shapes_of_the_class():

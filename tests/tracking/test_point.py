@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, expm
-from tracking_cases import CAR, START, scans_of, seen_car
+from tracking_cases import CAR, START, jacobian, scans_of, seen_car
 
 from stixel_cli.tracking.baselines.point import PointParameters, class_circle, track
 from stixel_cli.tracking.kernel import ContourProcess
@@ -25,15 +25,8 @@ from stixel_cli.tracking.prior import prior_radii
 from stixel_cli.tracking.track import InitialState
 
 SEEDS = st.integers(0, 2**31)
-TRACKER = PointParameters(
-    kind="point",
-    sigma_q=2.0,
-    measurement_std=0.1,
-    centroid_offset=0.6,
-    gate_probability=None,
-    least_speed=0.5,
-    lag=0,
-)
+NOISES = {"sigma_q": 2.0, "measurement_std": 0.1, "centroid_offset": 0.6}
+TRACKER = PointParameters("point", gate_probability=None, least_speed=0.5, lag=0, **NOISES)
 NOISE = TRACKER.sigma_q, TRACKER.least_speed
 
 
@@ -73,9 +66,8 @@ def test_baseline_matches_the_textbook_kalman_filter_on_the_centroid():
     radius, _ = class_circle(CAR)
     for k, (mean, covariance, nis) in enumerate(textbook(scans, START, radius, TRACKER)):
         np.testing.assert_allclose(result.means[k, MOVING], mean, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(
-            result.covariances[k][np.ix_(MOVING, MOVING)], covariance, rtol=1e-8, atol=1e-12
-        )
+        found = result.covariances[k][np.ix_(MOVING, MOVING)]
+        np.testing.assert_allclose(found, covariance, rtol=1e-8, atol=1e-12)
         np.testing.assert_allclose(result.nis[k], nis, rtol=1e-8)
     used = np.diff(result.used_offsets)
     np.testing.assert_array_equal(result.nis_degrees_of_freedom, np.where(used > 0, 2, 0))
@@ -123,9 +115,8 @@ def test_baseline_gate_rejects_clutter():
     # The two points of clutter are the first of every scan.
     own = np.flatnonzero(np.arange(10 * 32) % 32 >= 2)
     np.testing.assert_array_equal(among.used_points, own[alone.used_points])
-    np.testing.assert_array_equal(
-        np.repeat(np.arange(10), np.diff(among.used_offsets)), among.used_points // 32
-    )
+    scan_of_each = np.repeat(np.arange(10), np.diff(among.used_offsets))
+    np.testing.assert_array_equal(scan_of_each, among.used_points // 32)
     everything = track(mixed, START, CAR, TRACKER)
     assert len(everything.used_points) == 10 * 32
 
@@ -136,9 +127,7 @@ def test_heading_variance_matches_its_linearisation(seed):
     root = 0.05 * random.standard_normal((4, 4))
     mean = np.concatenate([random.uniform(-9, 9, 2), random.uniform(1, 6, 2)])
     states, spread = six_states(mean, root @ root.T, (0.3, 0.1), 0.1, *NOISE)
-    velocities = mean[2:] + 1e-6 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-    angles = np.arctan2(velocities[:, 1], velocities[:, 0])
-    slope = np.array([angles[0] - angles[1], angles[2] - angles[3]]) / 2e-6
+    slope = jacobian(lambda velocity: np.arctan2(velocity[1], velocity[0]), mean[2:])
     np.testing.assert_allclose(states[2], np.arctan2(mean[3], mean[2]))
     np.testing.assert_allclose(spread[2, 2], slope @ (root @ root.T)[2:, 2:] @ slope, rtol=1e-5)
     np.testing.assert_allclose(spread[2, :2], slope @ (root @ root.T)[2:, :2], rtol=1e-4, atol=1e-9)

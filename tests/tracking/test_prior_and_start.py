@@ -48,9 +48,8 @@ NOISE = TruthStart("truth", "truth", position=0.3, heading=0.1, velocity=0.5, he
 
 
 def test_start_noise_matches_its_covariance_and_may_be_that_of_the_pose_alone():
-    quiet = TruthStart(
-        "truth", "truth", position=1e-12, heading=1e-12, velocity=1e-12, heading_rate=1e-12
-    )
+    exact = dict.fromkeys(("position", "heading", "velocity", "heading_rate"), 1e-12)
+    quiet = TruthStart("truth", "truth", **exact)
     start = noisy_start(scenario(), quiet, seed=3)
     first = transition(0.2) @ start.mean
     assert_allclose(first, [4.0, 9.0, 0.3, 3.0, -1.0, 0.4], atol=1e-9)

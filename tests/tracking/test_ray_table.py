@@ -6,22 +6,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from seen_targets import rows_at
 
-from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.geometry.pose import rectangle, rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import behind, first_depths, outline_table, widths
 
-RECTANGLE = np.array([[2.0, -0.8], [2.0, 0.8], [-2.0, 0.8], [-2.0, -0.8]])
-NOTCHED = np.array(
-    [[2, -1], [2, 1], [0.5, 1], [0.5, 0.2], [-0.5, 0.2], [-0.5, 1], [-2, 1], [-2, -1]]
-)
+RECTANGLE = rectangle(4.0, 1.6)
+RIGHT = np.array([[2, -1], [2, 1], [0.5, 1], [0.5, 0.2]])
+NOTCHED = np.vstack([RIGHT, RIGHT[::-1] * [-1, 1]])
 SEEDS = st.integers(0, 2**31)
 
 
 def rays_at(outline, state, sensor):
     """Directions (n, 2) and ranges (n,) of the rays that meet the scaled outline at `state`."""
-    body = outline * np.exp(state[3:])
-    world = world_from_target(body, state[:3])
+    world = world_from_target(outline * np.exp(state[3:]), state[:3])
     rays = spread_rays(200, (-0.6, 0.6), False)
     seen = (world - sensor[:2]) @ rotation(sensor[2])
     hit, ranges = first_crossings(seen, rays)

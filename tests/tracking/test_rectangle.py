@@ -6,7 +6,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from seen_targets import SENSOR, scans_seen, seen, start_at, turning
-from tracking_cases import CAR, scans_of
+from tracking_cases import CAR, jacobian, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
@@ -66,15 +66,11 @@ def test_jacobian_matches_finite_differences(seed):
     mean = np.array([*pose, *random.uniform(-4, 4, 3), 4.2, 1.7])
     points = seen(OUTLINE, np.array([pose]), noise=0.05, seed=seed)[0][0]
     noises = np.tile(0.01 * np.eye(2), (len(points), 1, 1))
-    rows, step = rows_at(mean, points, noises), 1e-6
+    rows = rows_at(mean, points, noises)
     assert len(rows.innovations) == len(points) + 3
-    for i in range(8):
-        ahead, behind = (
-            rows_at(mean + sign * step * np.eye(8)[i], points, noises) for sign in (1.0, -1.0)
-        )
-        # Innovations are measured minus predicted.
-        slopes = (behind.innovations - ahead.innovations) / (2.0 * step)
-        np.testing.assert_allclose(rows.matrix[:, i], slopes, atol=1e-5)
+    # Innovations are measured minus predicted.
+    slopes = -jacobian(lambda state: rows_at(state, points, noises).innovations, mean)
+    np.testing.assert_allclose(rows.matrix[:, :8], slopes, atol=1e-5)
     sides = sides_of(target_from_world(points, pose), mean[6:], visible_sides(mean, SENSOR[:2]))
     np.testing.assert_array_equal(rows.matrix[: len(points), 8:], -np.eye(4)[sides])
     assert not rows.matrix[len(points) :, 8:].any()
@@ -107,10 +103,8 @@ def test_a_car_seen_as_an_l_is_followed(rate):
     late = slice(15, None)
     assert np.hypot(*(result.means[late, :2] - poses[late, :2]).T).max() < 0.2
     assert np.abs(wrap_angle(result.means[late, 2] - poses[late, 2])).max() < np.radians(5)
-    overlap = [
-        shapely.polygons(contour).intersection(shapely.polygons(OUTLINE @ rotation(p[2]).T + p[:2]))
-        for contour, p in zip(result.contours_world[late], poses[late], strict=True)
-    ]
+    true = [shapely.polygons(OUTLINE @ rotation(p[2]).T + p[:2]) for p in poses[late]]
+    overlap = shapely.intersection(shapely.polygons(result.contours_world[late]), true)
     assert min(one.area for one in overlap) > 0.85 * CAR.length * CAR.width
     used = np.diff(result.used_offsets)
     assert used.min() > 20
@@ -144,11 +138,8 @@ def test_the_sides_of_an_oval_class_are_nearer_to_its_middle_than_those_of_its_b
 @pytest.mark.parametrize("count", [1, 2])
 def test_few_points_move_the_pose_and_hardly_the_size(count):
     poses = turning(15, 4.0, 0.2)
-    points, covariances = seen(OUTLINE, poses, noise=0.03)
-    few = slice(20, 20 + count)
-    scans = scans_of(
-        [scan[few] for scan in points], covariances=np.concatenate([c[few] for c in covariances])
-    )
+    scans = scans_seen(OUTLINE, poses, noise=0.03)
+    scans = scans.of_rows((scans.offsets[:-1, None] + 20 + np.arange(count)).ravel())
     result = track(scans, start_at(poses), CAR, TRACKER)
     np.testing.assert_allclose(result.means[:, 6:], [[CAR.length, CAR.width]] * 15, rtol=0.1)
     assert np.isfinite(result.covariances).all() and np.isfinite(result.contour_std).all()
@@ -163,8 +154,7 @@ def test_points_of_another_object_in_the_gate_are_not_used():
     # Behind the far side of the car, as seen from the sensor.
     clutter = [p[:2] * (1.0 + 2.5 / np.hypot(*p[:2])) for p in poses]
     mixed = [np.concatenate([[one], scan]) for one, scan in zip(clutter, points, strict=True)]
-    noises = [np.concatenate([0.0025 * np.eye(2)[None], c]) for c in covariances]
-    scans = scans_of(mixed, covariances=np.concatenate(noises))
+    scans = scans_of(mixed, [np.concatenate([0.0025 * np.eye(2)[None], c]) for c in covariances])
     result = track(scans, start_at(poses), CAR, TRACKER)
     starts = scans.offsets[5:-1]
     assert not np.isin(starts, result.used_points).any()
@@ -176,17 +166,11 @@ def test_an_end_at_the_border_of_the_field_of_view_is_not_used():
     points, noises = (one[0] for one in seen(OUTLINE, poses))
     mean = np.array([*poses[0], 4.0, 0.0, 0.0, 4.2, 1.7])
     half = np.arctan2(2.1, 9.15)
-    counts = [
-        len(measure(mean, points, noises, SENSOR, 1.0, TRACKER, view).innovations) - len(points)
-        for view in (
-            None,
-            FieldOfView(-half - 0.1, half + 0.1),
-            FieldOfView(-half, half + 0.1),
-            FieldOfView(-half, half),
-        )
-    ]
-    # The velocity across the heading is one more.
-    assert counts == [3, 3, 2, 1]
+    ends = (-half - 0.1, half + 0.1), (-half, half + 0.1), (-half, half)
+    for view, count in zip((None, *(FieldOfView(*end) for end in ends)), (3, 3, 2, 1), strict=True):
+        rows = measure(mean, points, noises, SENSOR, 1.0, TRACKER, view)
+        # The velocity across the heading is one more.
+        assert len(rows.innovations) - len(points) == count
 
 
 @settings(max_examples=10)
@@ -206,9 +190,6 @@ def test_stated_deviation_is_that_along_rays_to_first_order(seed):
         met = shapely.get_coordinates(shapely.intersection(rays, ring))
         return np.hypot(*(met - mean[:2]).T)
 
-    step = 1e-6
-    slopes = np.stack(
-        [(ranges(mean + step * e) - ranges(mean - step * e)) / (2 * step) for e in np.eye(8)]
-    )
-    wanted = np.sqrt(np.einsum("im,ij,jm->m", slopes, covariance, slopes))
+    slopes = jacobian(ranges, mean)
+    wanted = np.sqrt(np.einsum("mi,ij,mj->m", slopes, covariance, slopes))
     np.testing.assert_allclose(std[0], wanted, rtol=1e-3, atol=1e-5)

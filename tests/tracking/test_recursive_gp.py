@@ -30,42 +30,25 @@ def batch(angles, radii, at, length_scale, sigma_f, sigma_r):
     return mean, np.sqrt(spread)
 
 
-def learn(process, batches):
-    mean, covariance = start(process)
-    for angles, radii in batches:
-        mean, covariance = update(mean, covariance, angles, radii, NOISE, process)
-    return mean, covariance
-
-
-def test_recursion_is_exact_at_the_basis_points():
+@pytest.mark.parametrize("exact", [True, False])
+def test_recursion_is_the_regression_at_basis_points_and_near_it_between_them(exact):
     """Thesis, below (49): exact where the inputs are a subset of the basis points."""
-    process = ContourProcess(32, np.pi / 8, 1.0, 0.5, 1e-9)
-    random = np.random.default_rng(1)
-    batches = []
-    for _ in range(6):
-        angles = random.choice(process.basis_angles, 10)
-        batches.append((angles, contour(angles) + NOISE * random.standard_normal(10)))
-    mean, covariance = learn(process, batches)
-    angles, radii = (np.concatenate(part) for part in zip(*batches, strict=True))
-    expected, std = batch(angles, radii, process.basis_angles, np.pi / 8, 1.0, 0.5)
-    np.testing.assert_allclose(mean, expected, atol=1e-5)
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), std, atol=1e-5)
-
-
-def test_recursion_approximates_the_regression_between_the_basis_points():
-    process = ContourProcess(50, np.pi / 8, 1.0, 0.5, 1e-6)
-    random = np.random.default_rng(2)
-    batches = []
+    process = ContourProcess(32 if exact else 50, np.pi / 8, 1.0, 0.5, 1e-9 if exact else 1e-6)
+    random, (mean, covariance), batches = np.random.default_rng(2), start(process), []
     for _ in range(20):
-        angles = random.uniform(0.0, 2.0 * np.pi, 15)
+        anywhere = random.uniform(0.0, 2.0 * np.pi, 15)
+        angles = random.choice(process.basis_angles, 15) if exact else anywhere
         batches.append((angles, contour(angles) + NOISE * random.standard_normal(15)))
-    mean, covariance = learn(process, batches)
-    at = np.linspace(0.0, 2.0 * np.pi, 200)
-    found, std = radius(mean, covariance, at, process)
+        mean, covariance = update(mean, covariance, *batches[-1], NOISE, process)
+    at = process.basis_angles if exact else np.linspace(0.0, 2.0 * np.pi, 200)
+    found, std = mean, np.sqrt(np.diag(covariance))
+    if not exact:
+        found, std = radius(mean, covariance, at, process)
     angles, radii = (np.concatenate(part) for part in zip(*batches, strict=True))
     expected, expected_std = batch(angles, radii, at, np.pi / 8, 1.0, 0.5)
-    np.testing.assert_allclose(found, expected, atol=0.05 * NOISE)
-    np.testing.assert_allclose(std, expected_std, atol=0.05 * NOISE)
+    tolerance = 1e-5 if exact else 0.05 * NOISE
+    np.testing.assert_allclose(found, expected, atol=tolerance)
+    np.testing.assert_allclose(std, expected_std, atol=tolerance)
     assert np.sqrt(np.mean((found - contour(at)) ** 2)) < 0.5 * NOISE
 
 

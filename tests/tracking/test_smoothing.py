@@ -20,10 +20,9 @@ from stixel_cli.tracking.smoothing import Step, smooth
 
 COUNT, SIZE = 12, 3
 LAGS = (0, 1, 3, COUNT - 1, COUNT + 5, None)
-TRACKERS = {
-    name: dataclasses.replace(compose([f"tracker={name}"]).configuration.tracker, lag=4)
-    for name in ("point", "contour", "gp_ekf")
-}
+NAMES = ("point", "contour", "gp_ekf")
+SHIPPED = {name: compose([f"tracker={name}"]).configuration.tracker for name in NAMES}
+TRACKERS = {name: dataclasses.replace(one, lag=4) for name, one in SHIPPED.items()}
 CONTOUR = dataclasses.replace(TRACKERS["contour"], seen_by="fabricated", road_user="fixed")
 KNOWN = dataclasses.replace(CAR, length=4.52, width=1.83)
 POSES = turning(20, 4.0, 0.3)
@@ -111,11 +110,10 @@ def test_nothing_goes_back_across_a_restart_another_report_or_a_full_turn():
     np.testing.assert_array_equal(means[:2], smooth(other, 2)[0][:2])
     turn = 2.0 * np.pi * np.eye(SIZE)[1]
     turned = [*steps[:6]]
-    for step in steps[6:]:
-        turned.append(dataclasses.replace(step, mean=step.mean + turn, before=turned[-1]))
-        if len(turned) > 7:
-            predicted = step.predicted_mean + turn
-            turned[-1] = dataclasses.replace(turned[-1], predicted_mean=predicted)
+    for k, step in enumerate(steps[6:]):
+        predicted = step.predicted_mean + min(k, 1) * turn
+        means = {"mean": step.mean + turn, "predicted_mean": predicted}
+        turned.append(dataclasses.replace(step, **means, before=turned[-1]))
     means, expected = smooth(turned, None, heading=1)[0], smooth(steps, None)[0]
     np.testing.assert_allclose(means[:6], expected[:6], atol=1e-9)
     np.testing.assert_allclose(means[6:], expected[6:] + turn, atol=1e-9)
@@ -188,10 +186,8 @@ def test_the_smoothed_point_is_the_joint_posterior():
 def test_smoothing_brings_the_contour_nearer():
     track = tracks("contour", lag=5)
     for columns in (slice(0, 2), slice(2, 3)):
-        filtered, smoothed = (
-            np.sqrt(np.mean((one.means[:, columns] - POSES[:, columns]) ** 2))
-            for one in (track, track.smoothed)
-        )
+        errors = [one.means[:, columns] - POSES[:, columns] for one in (track, track.smoothed)]
+        filtered, smoothed = (np.sqrt(np.mean(error**2)) for error in errors)
         assert smoothed < 0.9 * filtered
 
 
@@ -201,10 +197,8 @@ def test_a_shared_error_moves_no_smoothed_estimate_but_stays_in_its_covariance()
     error = SharedErrors(disparity=((0.0012, 0.0, 0.0),))
     shared = tracks("contour", shared_errors=error, seen_by="stixels")
     np.testing.assert_allclose(shared.smoothed.means, plain.smoothed.means, atol=1e-3)
-    of_filter, of_smoother = (
-        with_error.covariances[:, :2, :2] - without.covariances[:, :2, :2]
-        for with_error, without in ((shared, plain), (shared.smoothed, plain.smoothed))
-    )
+    pairs = ((shared, plain), (shared.smoothed, plain.smoothed))
+    of_filter, of_smoother = ((a.covariances - b.covariances)[:, :2, :2] for a, b in pairs)
     assert np.linalg.eigvalsh(of_smoother).min() > -1e-5
     kept = np.trace(of_smoother, axis1=1, axis2=2) / np.trace(of_filter, axis1=1, axis2=2)
     assert np.all(kept[5:] > 0.8)
@@ -253,10 +247,8 @@ def test_the_covariance_is_that_of_the_errors_of_many_runs():
     for _ in range(4):
         joint.predict(transition, noise**2 * np.eye(2), 0.1)
         errors = errors @ transition.T + noise * GENERATOR.standard_normal((runs, 2))
-        kept = np.exp(-0.1 / memories)
-        considered = kept * considered + np.sqrt(1.0 - kept**2) * GENERATOR.standard_normal(
-            (runs, 2)
-        )
+        kept, drawn = np.exp(-0.1 / memories), GENERATOR.standard_normal((runs, 2))
+        considered = kept * considered + np.sqrt(1.0 - kept**2) * drawn
         gain, rows, variances = spread(2, 3), spread(3, 4), np.array([0.1, 0.2, 0.3])
         joint.correct(gain, rows, variances)
         residuals = np.hstack([errors, considered]) @ rows.T

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.prior import PriorShape
@@ -11,65 +12,35 @@ from stixel_cli.tracking.track import InitialState
 
 GOLDEN = Path(__file__).parent / "golden"
 
-CAR = PriorShape(
-    length=4.2,
-    width=1.7,
-    shape="rectangle",
-    corner_radius=0.3,
-    sigma_f=1.0,
-    sigma_r=0.4,
-    measurement_std=0.1,
-    start_position=0.3,
-    road_user="car",
-    length_std=0.06,
-    width_std=0.06,
-    outline=None,
-)
+STDS = {"sigma_f": 1.0, "sigma_r": 0.4, "measurement_std": 0.1}
+SHAPE = {"length": 4.2, "width": 1.7, "shape": "rectangle", "corner_radius": 0.3, "outline": None}
+CLASS = {"road_user": "car", "length_std": 0.06, "width_std": 0.06, "start_position": 0.3}
+CAR = PriorShape(**SHAPE, **STDS, **CLASS)
 
-TRACKER = GpEkfParameters(
-    kind="gp_ekf",
-    basis_points=24,
-    length_scale=np.pi / 8,
-    sigma_f=1.0,
-    sigma_r=0.4,
-    mean_function="zero",
-    forgetting_rate=1e-4,
-    jitter=1e-6,
-    sigma_q=1.0,
-    sigma_q_psi=0.2,
-    slip=None,
-    seen_by=None,
-    measurement_std=0.1,
-    gate_probability=0.99,
-    lag=0,
-)
+CONTOUR = {"basis_points": 24, "length_scale": np.pi / 8, "mean_function": "zero", "jitter": 1e-6}
+MOTION = {"sigma_q": 1.0, "sigma_q_psi": 0.2, "slip": None, "forgetting_rate": 1e-4, "lag": 0}
+POINTS = {"seen_by": None, "gate_probability": 0.99}
+TRACKER = GpEkfParameters(kind="gp_ekf", **CONTOUR, **MOTION, **POINTS, **STDS)
 
 FIELD = FieldOfView(-0.52, 0.52)
 
-START = InitialState(
-    mean=np.array([7.5, 12.0, 0.1, 5.0, 0.5, 0.2]),
-    covariance=np.diag([0.1, 0.1, 0.01, 0.25, 0.25, 0.01]),
-)
+VARIANCES = [0.1, 0.1, 0.01, 0.25, 0.25, 0.01]
+START = InitialState(np.array([7.5, 12.0, 0.1, 5.0, 0.5, 0.2]), np.diag(VARIANCES))
 
 
-def scans_of(points, times=None, covariances=None, sensor_poses=None):
+def scans_of(points, covariances=None, times=None):
     """`Scans` of a list of arrays (n_k, 2)."""
-    counts = [len(p) for p in points]
-    flat = np.concatenate([np.zeros((0, 2)), *points])
-    return Scans(
-        times=0.1 * np.arange(len(points)) if times is None else times,
-        sensor_poses_world=(
-            np.tile([0.0, 0.0, np.pi / 2], (len(points), 1))
-            if sensor_poses is None
-            else sensor_poses
-        ),
-        offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        points_world=flat,
-        covariances_world=(
-            np.tile(0.01 * np.eye(2), (len(flat), 1, 1)) if covariances is None else covariances
-        ),
-        field_of_view=FIELD,
-    )
+    times = 0.1 * np.arange(len(points)) if times is None else times
+    poses = np.tile([0.0, 0.0, np.pi / 2], (len(points), 1))
+    if covariances is None:
+        covariances = [np.tile(0.01 * np.eye(2), (len(one), 1, 1)) for one in points]
+    return Scans.of_each(times, poses, [*zip(points, covariances, strict=True)], FIELD)
+
+
+def jacobian(function, at, step=1e-6):
+    """Central differences (…, n) of the function by each element of `at` (n,)."""
+    units = step * np.eye(len(at))
+    return np.stack([function(at + u) - function(at - u) for u in units], axis=-1) / (2.0 * step)
 
 
 def poses_of_turn(count, start=START):
@@ -93,7 +64,6 @@ def seen_car(count, points, seed=0, noise=0.1):
     random = np.random.default_rng(seed)
     scans = []
     for x, y, heading in poses_of_turn(count):
-        turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
-        outline = rectangle_points(random, points) @ turn.T + [x, y]
+        outline = world_from_target(rectangle_points(random, points), (x, y, heading))
         scans.append(outline + noise * random.standard_normal((points, 2)))
     return scans

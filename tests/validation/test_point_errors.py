@@ -21,17 +21,15 @@ from stixel_cli.validation.point_errors import point_errors, ranges_along
 from stixel_cli.validation.point_statistics import fit_noise
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0, None)
-BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])
-EXACT = FabricatedParameters(
-    "fabricated",
-    None,
-    "tangent",
-    ConstantNoise("constant", 0.0),
-    0.0,
-    80.0,
-    dropout=None,
-    clutter_rate=0.0,
-)
+BOX = rectangle(4.5, 1.8)
+
+
+def fabricated(noise):
+    values = "fabricated", None, "tangent", noise, 0.0, 80.0
+    return FabricatedParameters(*values, dropout=None, clutter_rate=0.0)
+
+
+EXACT = fabricated(ConstantNoise("constant", 0.0))
 
 
 def scenario(count=10, depth=15.0):
@@ -45,31 +43,24 @@ TRUTH = scenario()
 PERFECT = fabricate_scans(TRUTH, RIG, EXACT, seed=0)
 
 
-def seen(points):
-    """Points in the sensor's frame of their scan, (n, 2), and the scan of each."""
-    k = np.repeat(np.arange(len(PERFECT)), np.diff(PERFECT.offsets))
-    pose = PERFECT.sensor_poses_world[k]
-    offset = points - pose[:, :2]
-    along = np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=-1)
-    return offset, along, k
+SCAN = np.repeat(np.arange(len(PERFECT)), np.diff(PERFECT.offsets))
+"""Of each perfect point."""
+INDEX = np.arange(len(SCAN)) - PERFECT.offsets[SCAN]
+OFFSET = PERFECT.points_world - PERFECT.sensor_poses_world[SCAN, :2]
+LAST = np.flatnonzero(np.diff(SCAN, append=-1))
+"""The leftmost point of each scan: angles ascend."""
 
 
 def with_points(points, keep=None):
-    _, _, k = seen(PERFECT.points_world)
-    keep = np.ones(len(k), bool) if keep is None else keep
-    count = np.bincount(k[keep], minlength=len(PERFECT))
-    return dataclasses.replace(
-        PERFECT,
-        offsets=np.concatenate([[0], np.cumsum(count)]),
-        points_world=points[keep],
-        covariances_world=PERFECT.covariances_world[keep],
-    )
+    keep = np.ones(len(SCAN), bool) if keep is None else keep
+    count = np.bincount(SCAN[keep], minlength=len(PERFECT))
+    kept = {"points_world": points[keep], "covariances_world": PERFECT.covariances_world[keep]}
+    offsets = np.concatenate([[0], np.cumsum(count)])
+    return dataclasses.replace(PERFECT, offsets=offsets, **kept)
 
 
 def farther(by):
-    offset, _, _ = seen(PERFECT.points_world)
-    length = np.hypot(*offset.T)[:, None]
-    return PERFECT.points_world + by * offset / length
+    return PERFECT.points_world + by * OFFSET / np.hypot(*OFFSET.T)[:, None]
 
 
 def test_perfect_points_have_no_errors_and_bias_along_the_ray_is_measured():
@@ -108,11 +99,9 @@ def test_image_borders_follow_the_principal_point_and_ends_outside_are_unknown()
 
 
 def test_points_outside_the_silhouette_count_as_fattening():
-    offset, _, k = seen(PERFECT.points_world)
-    last = np.flatnonzero(np.diff(k, append=-1))  # leftmost of each scan: angles ascend
     points = PERFECT.points_world.copy()
-    side = np.stack([-offset[:, 1], offset[:, 0]], axis=-1) / np.hypot(*offset.T)[:, None]
-    points[last] += 0.1 * side[last]
+    side = np.stack([-OFFSET[:, 1], OFFSET[:, 0]], axis=-1) / np.hypot(*OFFSET.T)[:, None]
+    points[LAST] += 0.1 * side[LAST]
     errors = point_errors(with_points(points), TRUTH, RIG)
     first = np.searchsorted(errors.scans, np.arange(len(PERFECT)))
     beside = errors.inside < 0.0
@@ -125,9 +114,7 @@ def test_points_outside_the_silhouette_count_as_fattening():
 
 
 def test_missed_points_leave_uncovered_columns_and_gross_errors_are_clutter():
-    _, _, k = seen(PERFECT.points_world)
-    index = np.arange(len(k)) - PERFECT.offsets[k]
-    keep = (index < 40) | (index >= 60)
+    keep = (INDEX < 40) | (INDEX >= 60)
     errors = point_errors(with_points(PERFECT.points_world, keep), TRUTH, RIG)
     assert np.abs(np.sum(~errors.covered) - 20 * len(PERFECT)) <= len(PERFECT)
     points = np.where(keep[:, None], PERFECT.points_world, farther(-4.0))
@@ -138,10 +125,8 @@ def test_missed_points_leave_uncovered_columns_and_gross_errors_are_clutter():
 
 @pytest.mark.parametrize("width", [1, 2, 3])
 def test_missed_block_is_found_at_any_width(width):
-    _, _, k = seen(PERFECT.points_world)
-    index = np.arange(len(k)) - PERFECT.offsets[k]
-    every = index % width == 0
-    block = (index // width % 8 == 5) & (index > 30) & (index < 60)
+    every = INDEX % width == 0
+    block = (INDEX // width % 8 == 5) & (INDEX > 30) & (INDEX < 60)
     whole = point_errors(with_points(PERFECT.points_world, every), TRUTH, RIG)
     errors = point_errors(with_points(PERFECT.points_world, every & ~block), TRUTH, RIG)
     assert abs(whole.spacing - errors.spacing) < 1e-9
@@ -153,25 +138,22 @@ def test_far_points_with_large_spread_are_kept():
     # At 34 m a pixel of disparity is worth 7 m: 2 m alone would cut the noise at 0.3 px.
     truth = scenario(depth=34.0)
     for std in (0.1, 0.2):
-        noisy = dataclasses.replace(EXACT, noise=StereoNoise("stereo", std))
+        noisy = fabricated(StereoNoise("stereo", std))
         errors = point_errors(fabricate_scans(truth, RIG, noisy, seed=0), truth, RIG)
         assert errors.clutter.sum() == 0
         assert abs((errors.along / errors.range_sensitivities).std() / std - 1.0) < 0.1
 
 
 def test_background_points_are_not_clutter():
-    _, _, k = seen(PERFECT.points_world)
-    index = np.arange(len(k)) - PERFECT.offsets[k]
-    last = np.flatnonzero(np.diff(k, append=-1))
-    origin = PERFECT.sensor_poses_world[k[last], :2]
-    offset = PERFECT.points_world[last] - origin
+    offset = OFFSET[LAST]
     turn = 7.0 / RIG.focal * np.stack([-offset[:, 1], offset[:, 0]], axis=-1)
     points = PERFECT.points_world.copy()
-    points[last] = origin + 2.0 * (offset + turn)
+    points[LAST] = PERFECT.sensor_poses_world[SCAN[LAST], :2] + 2.0 * (offset + turn)
     # Every scan: one point of the target, and one twice as far, 7 px left of its left end.
-    errors = point_errors(with_points(points, (index == 5) | (index == index[last][k])), TRUTH, RIG)
+    both = with_points(points, (INDEX == 5) | (INDEX[LAST][SCAN] == INDEX))
+    errors = point_errors(both, TRUTH, RIG)
     np.testing.assert_array_equal(errors.clutter, 0)
-    assert len(errors.scans) == len(last)
+    assert len(errors.scans) == len(LAST)
 
 
 def test_ranges_end_at_the_first_edge_that_faces_the_sensor():
@@ -184,15 +166,11 @@ def test_ranges_end_at_the_first_edge_that_faces_the_sensor():
 def test_scan_without_visible_target_has_no_errors_and_other_times_are_refused():
     for depth in (-20.0, 1.0):
         truth = scenario(count=3, depth=depth)
-        none = Scans(
-            truth.times, truth.ego_poses_world, np.zeros(4, int), np.zeros((0, 2)),
-            np.zeros((0, 2, 2)),
-        )  # fmt: skip
+        empty = np.zeros((0, 2)), np.zeros((0, 2, 2))
+        none = Scans.of_each(truth.times, truth.ego_poses_world, [empty] * 3)
         errors = point_errors(none, truth, RIG)
-        assert len(errors.scans) == 0
-        assert np.isnan(errors.spacing)
-        assert np.isnan(errors.reach_left).all()
-        assert not errors.covered.any()
+        assert len(errors.scans) == 0 and not errors.covered.any()
+        assert np.isnan(errors.spacing) and np.isnan(errors.reach_left).all()
     with pytest.raises(ValueError, match="times"):
         point_errors(PERFECT, scenario(count=9), RIG)
 
@@ -210,10 +188,7 @@ def errors_of(noise, seed, count=60, nearest=7.0):
     target = np.stack([0.0 * times, nearest + 3.0 * times, 1.3 * times], axis=-1)
     ego = np.tile([0.0, 0.0, 0.5 * np.pi], (count, 1))
     truth = Scenario(times, ego, target, np.tile([0.0, 3.0, 1.3], (count, 1)), BOX[None])
-    measurement = FabricatedParameters(
-        "fabricated", None, "tangent", noise, 0.0, 80.0, dropout=None, clutter_rate=0.0
-    )
-    return point_errors(fabricate_scans(truth, RIG, measurement, seed), truth, RIG)
+    return point_errors(fabricate_scans(truth, RIG, fabricated(noise), seed), truth, RIG)
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -221,14 +196,9 @@ def test_known_parameters_are_recovered(name):
     known = KNOWN[name]
     found = fit_noise([errors_of(known, seed) for seed in range(8)])
     assert found.columns_per_point == known.columns_per_point
-    for key, tolerance in {
-        "range_bias": 0.02,
-        "disparity_std": 0.02,
-        "edge_metres": 0.01,
-        "edge_metres_std": 0.015,
-        "edge_disparity_std": 0.06,
-        "missed_share": 0.015,
-    }.items():
+    tolerances = {"range_bias": 0.02, "disparity_std": 0.02, "edge_metres": 0.01}
+    tolerances |= {"edge_metres_std": 0.015, "edge_disparity_std": 0.06, "missed_share": 0.015}
+    for key, tolerance in tolerances.items():
         assert abs(getattr(found, key) - getattr(known, key)) < tolerance, key
     assert abs(found.correlation_columns - known.correlation_columns) < 0.6
     if known.missed_share > 0.0:

@@ -46,10 +46,8 @@ def scene(rig, depth, columns=(40, 58), height=1.5, wall=25.0):
     with np.errstate(divide="ignore"):
         t = np.where(y > 0, rig.camera_height / y, np.inf)
     ids = np.where(np.isfinite(t), ROAD_ID, SKY_ID)
-    for distance, top, object_id, span in (
-        (wall, 4.0, BACKGROUND_ID, (0, rig.width)),
-        (depth, height, TARGET_ID, columns),
-    ):
+    seen = [(wall, 4.0, BACKGROUND_ID, (0, rig.width)), (depth, height, TARGET_ID, columns)]
+    for distance, top, object_id, span in seen:
         at = distance / z
         above = rig.camera_height - at * y
         hit = (at < t) & (above >= 0) & (above <= top) & (u >= span[0]) & (u < span[1])
@@ -79,21 +77,13 @@ def perfect_stixels(rig, truth, width=3, first=0):
         base = int(np.rint(base_rows(np.float64(d), line, rig)))
         lateral = truth.nearest_lateral[u].mean()
         rows.append((left, left + width, top, base, d, depth, 1.2 - below * depth, lateral))
-    left, right, top, base, d, depth, height, lateral = (
-        np.array(c) for c in zip(*rows, strict=True)
-    )
-    n = len(rows)
-    areas = {"left": left, "right": right, "top": top, "base": base}
-    return made_stixels(
-        first,
-        **{name: value.astype(np.int32) for name, value in areas.items()},
-        disparity=d,
-        disparity_variance=np.full(n, 0.01),
-        depth=depth,
-        height=height,
-        points_ego=np.stack([lateral, depth], axis=1),
-        covariances_ego=np.tile(np.diag([0.01, 0.25]), (n, 1, 1)),
-    )
+    names = ("left", "right", "top", "base", "disparity", "depth", "height")
+    *values, lateral = map(np.array, zip(*rows, strict=True))
+    columns = dict(zip(names, values, strict=True))
+    columns |= {name: columns[name].astype(np.int32) for name in names[:4]}
+    columns["points_ego"] = np.stack([lateral, columns["depth"]], axis=1)
+    columns["covariances_ego"] = np.tile(np.diag([0.01, 0.25]), (len(rows), 1, 1))
+    return made_stixels(first, disparity_variance=np.full(len(rows), 0.01), **columns)
 
 
 def perfect_errors(shift=0, first=4):
@@ -107,20 +97,11 @@ def perfect_errors(shift=0, first=4):
     raw = np.where(np.isfinite(depth), np.rint(exact).astype(np.int16) + shift, -1)
     found = rig.disparity_from_depth(truth.nearest_depth) + shift / 16.0
     line = road_line(0.0, rig.camera_height, rig)
-    obstacles = FreeSpace(
-        first, found[None].astype(np.float32), np.zeros((1, rig.width), np.int32), line[None]
-    )
-    errors = stage_errors(
-        rendered,
-        Disparities.from_raw(first, 64, [raw.astype(np.int16)]),
-        obstacles,
-        perfect_stixels(rig, truth, first=first),
-        rig,
-        ROAD,
-        GRID,
-        PATH,
-        range(first, first + 1),
-    )
+    base = np.zeros((1, rig.width), np.int32)
+    obstacles = FreeSpace(first, found[None].astype(np.float32), base, line[None])
+    disparities = Disparities.from_raw(first, 64, [raw.astype(np.int16)])
+    inputs = rendered, disparities, obstacles, perfect_stixels(rig, truth, first=first)
+    errors = stage_errors(*inputs, rig, ROAD, GRID, PATH, range(first, first + 1))
     return rig, truth, errors
 
 
@@ -155,24 +136,15 @@ def test_stage_errors_use_the_frame_number_in_every_chunk():
     nan, line = np.full(rig.width, np.nan, np.float32), road_line(0.0, rig.camera_height, rig)
     one = perfect_stixels(rig, truth)
     # Chunks that begin one, two and three frames before, with nothing in those frames.
-    errors = stage_errors(
-        RenderedFrames.from_frames(
-            5, [(black, black, np.full_like(depth, np.inf), nothing), (black, black, depth, ids)]
-        ),
+    before = black, black, np.full_like(depth, np.inf), nothing
+    rows = np.zeros((4, rig.width), np.int32)
+    inputs = (
+        RenderedFrames.from_frames(5, [before, (black, black, depth, ids)]),
         Disparities.from_raw(4, 64, [np.full_like(raw, -1)] * 2 + [raw]),
-        FreeSpace(
-            3,
-            np.stack([nan] * 3 + [found]),
-            np.zeros((4, rig.width), np.int32),
-            np.stack([line] * 4),
-        ),
+        FreeSpace(3, np.stack([nan] * 3 + [found]), rows, np.stack([line] * 4)),
         replace(one, first=5, offsets=np.array([0, 0, one.offsets[-1]])),
-        rig,
-        ROAD,
-        GRID,
-        PATH,
-        range(6, 7),
     )
+    errors = stage_errors(*inputs, rig, ROAD, GRID, PATH, range(6, 7))
     assert errors.first == 6
     for ours, theirs in ((errors.frames, alone.frames), (errors.stixels, alone.stixels)):
         for name in theirs:
@@ -211,13 +183,10 @@ def test_stixel_errors_are_measured_on_square_faces_alone():
     rig = make_rig()
     truth = truth_of(rig)
     good = perfect_stixels(rig, truth)
-    bad = replace(
-        good,
-        disparity=good.disparity + 0.25,
-        depth=good.depth - 0.5,
-        height=good.height + 0.125,
-        points_ego=good.points_ego + np.array([0.0625, -0.5]),
-    )
+    shift = np.array([0.0625, -0.5])
+    moved = {"disparity": good.disparity + 0.25, "depth": good.depth - 0.5}
+    moved |= {"height": good.height + 0.125, "points_ego": good.points_ego + shift}
+    bad = replace(good, **moved)
     covered, errors = stixel_errors(bad, 0, truth, rig)
     assert covered.sum() == 3 * len(errors)
     expected = {"disparity": 0.25, "error": -0.5, "square": -0.5, "sigma": 0.5}
@@ -232,17 +201,11 @@ def test_stixel_errors_are_measured_on_square_faces_alone():
     errors = stixel_errors(good, 0, replace(truth, depth=depth), rig)[1]
     assert np.isnan(columns_of(errors)["square"]).all()
     # Columns 40 to 57 are the target's: of six columns two, three, and four are.
+    names = ("top", "base", "disparity", "depth", "height", "points_ego", "covariances_ego")
+    first = {name: getattr(good, name)[:1] for name in names}
     for shift, count in ((-4, 0), (-3, 1), (-2, 1)):
-        first = {name: getattr(good, name)[:1] for name in ("top", "base", "disparity", "depth")}
-        first |= {"height": good.height[:1], "points_ego": good.points_ego[:1]}
-        one = replace(
-            good,
-            offsets=np.array([0, 1]),
-            left=np.array([40 + shift]),
-            right=np.array([46 + shift]),
-            covariances_ego=good.covariances_ego[:1],
-            **first,
-        )
+        columns = {"left": np.array([40 + shift]), "right": np.array([46 + shift])}
+        one = replace(good, offsets=np.array([0, 1]), **columns, **first)
         assert len(stixel_errors(one, 0, truth, rig)[1]) == count
 
 
@@ -292,14 +255,11 @@ def test_nearest_rows_match_a_plain_search():
     depth[:, 7] = np.inf
     rows, found = nearest_rows(depth, 40.0, 3.0)
     for u in range(30):
-        expected = None
-        for n, v in enumerate(sorted(range(14), key=lambda v: depth[v, u]), start=1):
-            z = depth[v, u]
-            if np.isfinite(z) and n >= 3.0 and n >= 40.0 / z:
-                expected = v
-                break
-        assert found[u] == (expected is not None)
-        assert expected is None or rows[u] == expected
+        order = np.argsort(depth[:, u])
+        z, n = depth[order, u], np.arange(1, 15)
+        expected = order[np.isfinite(z) & (n >= 3.0) & (n >= 40.0 / z)]
+        assert found[u] == (len(expected) > 0)
+        assert not len(expected) or rows[u] == expected[0]
     assert not nearest_rows(np.full((4, 3), np.inf), 40.0, 3.0)[1].any()
 
 

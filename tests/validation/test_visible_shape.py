@@ -8,7 +8,7 @@ import trimesh
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.experiment.class_shapes import SEEDS, entry
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.mesh import Part
@@ -18,14 +18,14 @@ from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.tracking.contour.user_shape import OPTIONAL
 from stixel_cli.validation.visible_shape import (
     class_shape_of,
-    end_insets_of,
+    height_insets_of,
     outline_modes_of,
     radii_of,
     visible_outline_of,
     visible_shape_of,
 )
 
-BOX = np.array([[2.0, -0.9], [2.0, 0.9], [-2.0, 0.9], [-2.0, -0.9]])
+BOX = rectangle(4.0, 1.8)
 BEHIND, PER_STD = 0.2, 0.5
 
 
@@ -36,13 +36,8 @@ def sample():
     sensor = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1))
     headings = np.linspace(0.0, 2.0 * np.pi, count)
     away = 10.0 + 4.0 * np.cos(7.0 * headings)
-    scenario = Scenario(
-        times=0.1 * np.arange(count),
-        ego_poses_world=sensor,
-        target_poses_world=np.column_stack([np.zeros(count), away, headings]),
-        target_rates_world=np.zeros((count, 3)),
-        contours_target=BOX[None],
-    )
+    poses = np.column_stack([np.zeros(count), away, headings])
+    scenario = Scenario(0.1 * np.arange(count), sensor, poses, 0.0 * poses, BOX[None])
     p = compose(["measurement=fabricated", "measurement/noise=stereo"]).configuration
     scans = fabricate_scans(scenario, p.rig, dataclasses.replace(p.measurement, rays=320), 1000)
     along = scans.points_world / np.hypot(*scans.points_world.T)[:, None]
@@ -72,25 +67,17 @@ def test_outline_of_one_road_user_is_its_own(shape):
 
 def walker(stride, scale):
     """A road user whose length is 0.4 m, at half of the instants that plus its stride."""
-    half = 0.5 * np.array([[0.4, -0.5], [0.4, 0.5], [-0.4, 0.5], [-0.4, -0.5]])
-    poses = [half, half * [1.0 + stride / 0.4, 1.0]]
-    return Scenario(
-        times=np.arange(2.0),
-        ego_poses_world=np.zeros((2, 3)),
-        target_poses_world=np.zeros((2, 3)),
-        target_rates_world=np.zeros((2, 3)),
-        contours_target=scale * np.stack(poses),
-        limb_poses=np.array([0, 1]),
-    )
+    half = rectangle(0.4, 0.5)
+    contours, still = scale * np.stack([half, half * [1.0 + stride / 0.4, 1.0]]), np.zeros((2, 3))
+    return Scenario(np.arange(2.0), still, still, still, contours, np.array([0, 1]))
 
 
 def test_one_that_walks_has_the_size_of_its_box_and_is_seen_at_its_mean_with_its_swing():
-    shape = class_shape_of([walker(0.16, 1.0), walker(0.16, 1.5)])
+    walkers = [walker(0.16, 1.0), walker(0.16, 1.5)]
+    shape = class_shape_of(walkers)
     np.testing.assert_allclose(shape.size, [0.7, 0.625])
     # The outlines of that size are 0.5 and 0.7 m long.
     np.testing.assert_allclose(np.ptp(shape.outline, axis=0), [0.6 + 0.2 / 3.0, 0.625], rtol=0.01)
-    walkers = [walker(0.16, 1.0), walker(0.16, 1.5)]
-    shape = class_shape_of(walkers)
     table = visible_table(shape.outline, visible_outline_of(walkers, shape), blurred=False)
     depths, stds = table.depths, table.stds
     middle, side = depths.shape[1] // 2, len(depths) // 4
@@ -105,14 +92,9 @@ def test_one_that_walks_has_the_size_of_its_box_and_is_seen_at_its_mean_with_its
 
 def test_points_of_the_background_do_not_change_the_visible_shape(sample, shape):
     scenario, scans = sample
-    wall = np.array([[0.0, 40.0], [3.0, 40.0]])
-    parts = [
-        (
-            np.concatenate([scans.points_world[scans.rows(k)], wall]),
-            np.concatenate([scans.covariances_world[scans.rows(k)], np.tile(np.eye(2), (2, 1, 1))]),
-        )
-        for k in range(len(scans))
-    ]
+    wall, unit = [[0.0, 40.0], [3.0, 40.0]], np.tile(np.eye(2), (2, 1, 1))
+    own = [(scans.points_world[r], scans.covariances_world[r]) for r in map(scans.rows, range(60))]
+    parts = [(np.vstack([points, wall]), np.vstack([spread, unit])) for points, spread in own]
     mixed = Scans.of_each(scans.times, scans.sensor_poses_world, parts)
     plain, among = (visible_shape_of([each], shape) for each in (sample, (scenario, mixed)))
     np.testing.assert_allclose(among.depth_biases, plain.depth_biases, atol=1e-9)
@@ -147,19 +129,22 @@ def body_of(*boxes):
 
 def test_above_its_bonnet_a_car_ends_farther_inside():
     low = [[-2.0, -0.9, 0.2], [2.0, 0.9, 0.68]]
-    saloon = body_of(low, [[-1.0, -0.9, 0.68], [0.8, 0.9, 1.4]])
+    mirrors = [[0.5, -1.0, 0.9], [0.6, 1.0, 1.0]]
+    saloon = body_of(low, [[-1.0, -0.7, 0.68], [0.8, 0.7, 1.4]], mirrors)
     van = body_of(low, [[-2.0, -0.9, 0.68], [0.8, 0.9, 1.4]])
-    rear, front = end_insets_of([[saloon]])
-    assert not rear[1].any() and not front[1].any()
+    rear, front, sides = height_insets_of([[saloon]])
+    assert not rear[1].any() and not front[1].any() and not sides[1].any()
+    of_cabin = (HEIGHTS > 0.7) & (np.abs(HEIGHTS - 0.9) > 0.06)
+    np.testing.assert_allclose(sides[0], 0.2 * of_cabin, atol=1e-9)
     np.testing.assert_allclose(rear[0], np.where(HEIGHTS < 0.7, 0.0, 1.0), atol=1e-9)
     np.testing.assert_allclose(front[0], np.where(HEIGHTS < 0.7, 0.0, 1.2), atol=1e-9)
     # Of both, half are so far inside; and of limbs the farthest place counts.
-    rear, front = end_insets_of([[saloon], [van]])
+    rear, front, _ = height_insets_of([[saloon], [van]])
     np.testing.assert_allclose(rear[:, 8], [0.5, 0.5], atol=1e-9)
     np.testing.assert_allclose(front[:, 8], [1.2, 0.0], atol=1e-9)
-    of_all = end_insets_of([[saloon, van]])
+    of_all = height_insets_of([[saloon, van]])
     np.testing.assert_allclose(of_all[0, :, 8], 0.0, atol=1e-9)
-    assert of_all.size == OPTIONAL["end_insets"]
+    assert of_all.size == OPTIONAL["height_insets"]
 
 
 def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):
@@ -176,7 +161,6 @@ def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):
 
 
 def test_the_file_of_class_shapes_counts_in_the_keys_of_what_reads_it():
-    readers = ["stixel_cli.tracking.contour.contour", "stixel_cli.tracking.start_scans"]
-    for module in readers:
+    for module in ("stixel_cli.tracking.contour.contour", "stixel_cli.tracking.start_scans"):
         modules = CodeIndex().code([module]).modules
         assert "stixel_cli.tracking.contour.class_size/class_shapes.json" in modules

@@ -13,8 +13,6 @@ const BOUNDS = {
 };
 for (const run of runs) run.errors.points = run.used.map((used) => used.length);
 
-find("errors").classList.toggle("many", runs.length > 1);
-find("errors").style.setProperty("--charts", CHARTS.length);
 const charts = CHARTS.map((chart) => {
   const card = html("div", { className: "chart" }, find("errors"));
   const head = html("h2", {}, card);

@@ -47,7 +47,6 @@ function html(name, options = {}, parent = null) {
   return element;
 }
 
-
 function niceStep(least) {
   const power = 10 ** Math.floor(Math.log10(least));
   return power * [1, 2, 5, 10].find((factor) => factor * power >= least * 0.999);
@@ -67,7 +66,6 @@ function shown(value, digits, unit) {
 function shownSmall(value) {
   return value < 1e-4 ? value.toExponential(0) : value.toPrecision(2);
 }
-
 
 function polygon(flat, close = true) {
   if (!flat || !flat.length) return "";

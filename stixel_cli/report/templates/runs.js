@@ -104,5 +104,7 @@
     box.onchange = () => { column.shown = box.checked; draw(); };
   });
   for (const id of ["filter", "group", "x", "y"]) find(id).addEventListener("input", draw);
+  // A plot in a closed part has no width.
+  find("plot").parentNode.addEventListener("toggle", draw);
   draw();
 }

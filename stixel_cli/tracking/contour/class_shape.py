@@ -25,7 +25,7 @@ MODES, LIMB_MODES, MODE_ANGLES = 12, 6, 120
 """Modes of the outline, those of moving limbs, and the even angles at which they are given."""
 
 HEIGHTS = 0.35 + 0.1 * np.arange(16)
-"""Above the road, m, at which it is known how far a class's ends are inside its outline."""
+"""Above the road, m, at which it is known how far a class's faces are inside its outline."""
 
 NODES = (24, 9)
 """Even aspects over a full turn, and even offsets over the table's width, of the visible shape."""
@@ -108,13 +108,13 @@ def outline_modes(road_user: str) -> OutlineModes:
     )
 
 
-def end_insets(road_user: str) -> np.ndarray | None:
-    """How far inside the outline of a class its rear and its front are at the `HEIGHTS`, m.
+def height_insets(road_user: str) -> np.ndarray | None:
+    """How far inside the outline of a class its faces are at the `HEIGHTS`, m.
 
-    Of each end mean and standard deviation, (2, 2, 16); None for a file without them.
+    Of rear, front and sides, mean and standard deviation, (3, 2, 16); None for a file without them.
     """
     known = known_class(road_user)
-    return _metres(known["end_insets"]).reshape(2, 2, -1) if "end_insets" in known else None
+    return _metres(known["height_insets"]).reshape(3, 2, -1) if "height_insets" in known else None
 
 
 def visible_shape(road_user: str, sensor: Literal["stixels", "lidar", "outline"]) -> VisibleShape:

@@ -13,7 +13,7 @@ FILES = ["class_shapes.json"]
 
 CLASS_SHAPES = json.loads(Path(__file__).with_name(FILES[0]).read_text("utf-8"))
 """What is known of each class, see `class_shape.py`. Lengths are whole millimetres, `size_stds`
-thousandths of the size. Made by `python -m stixel_cli.experiment.class_shapes`."""
+thousandths of the size. Made by `python bench/class_shapes.py`."""
 
 
 @dataclass(frozen=True)

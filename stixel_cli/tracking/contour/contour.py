@@ -18,7 +18,7 @@ from stixel_cli.tracking.contour.class_probabilities import (
 from stixel_cli.tracking.contour.class_size import class_size, states_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import Rays, rays_of
+from stixel_cli.tracking.contour.contour_rays import FACES, Rays, rays_of
 from stixel_cli.tracking.contour.forms import FORM_ODDS, forms_of, free_form
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
@@ -39,7 +39,8 @@ def track(
     The state starts as `initial`, one sample before the first scan.
     """
     scans, used = scans.nearest_returns()
-    bank = ClassBank(initial, prior, tracker, scans.shared_errors.count)
+    of_heights = 0 if scans.heights is None else FACES
+    bank = ClassBank(initial, prior, tracker, scans.shared_errors.count + of_heights)
     for k, interval in enumerate(intervals(scans.times)):
         rows, sensor = scans.rows(k), scans.sensor_poses_world[k]
         points = scans.points_world[rows], scans.covariances_world[rows]

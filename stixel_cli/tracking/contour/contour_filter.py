@@ -164,7 +164,7 @@ class ClassFilter:
             noise[[5, 6], [5, 6]] = 0.0
         joint.predict(pulled, noise, interval)
         prediction = mean, covariance, joint
-        rays = at_heights(rays, mean[SEEN], self.sight.table, self.sight.end_insets)
+        rays = at_heights(rays, mean[SEEN], self.sight.table, self.sight.height_insets)
         indices = associate(
             rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
         )
@@ -184,7 +184,7 @@ class ClassFilter:
         """
         after_gap = first and bool(self._reported)
         sight, mean = self.sight, one.predicted[0][SEEN]
-        rays = at_heights(rays, mean, sight.table, sight.end_insets)
+        rays = at_heights(rays, mean, sight.table, sight.height_insets)
         clusters = clusters_of(rays, one.indices, self.sight, after_gap)
         results = detect_again(one.predicted, rays, clusters, self.sight, self._tracker, not first)
         if not results:

@@ -4,13 +4,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.contour.class_shape import (
     HEIGHTS,
     class_shape,
-    end_insets,
+    height_insets,
     visible_shape,
     visible_table,
 )
@@ -28,8 +30,14 @@ BESIDE, NEARER = 0.3, 0.3
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
 
+FACES = 2
+"""Errors of a target at the heights of its points: of its ends and of its sides."""
+
+NEIGHBOURS = 3
+"""So many of the next points, by bearing, may be of the same object."""
+
 LEAST_COSINE = 0.2
-"""Of the angle between a ray and the heading, by which an end's inset is divided: its limit."""
+"""Of the angle between a ray and a face's normal, by which its inset is divided: its limit."""
 
 LEARNED = ("stixels", "fabricated", "lidar")
 """Kinds of measurement from whose scans of the drawn classes the visible shapes were learned."""
@@ -55,8 +63,8 @@ class Sight:
     first."""
     rounding_std: float = 0.0
     """Of the shape across the rays, m: where they graze it, its edges are round."""
-    end_insets: np.ndarray | None = None
-    """See `class_shape.end_insets`; None: not known."""
+    height_insets: np.ndarray | None = None
+    """See `class_shape.height_insets`; None: not known."""
 
 
 @dataclass(frozen=True)
@@ -133,8 +141,8 @@ def sight_of(
     seen = visible_shape(road_user, kind)
     shape = class_shape(road_user).outline if vertices is None else vertices
     table = visible_table(shape, seen, blurred=tracker.seen_by == "stixels")
-    insets = end_insets(road_user)
-    return Sight(table, seen.bias_per_std, seen.std_factor, outline, end_insets=insets)
+    insets = height_insets(road_user)
+    return Sight(table, seen.bias_per_std, seen.std_factor, outline, height_insets=insets)
 
 
 def rays_of(
@@ -175,29 +183,38 @@ def rays_of(
 def at_heights(
     rays: Rays, pose_and_size: np.ndarray, table: RayTable, insets: np.ndarray | None
 ) -> Rays:
-    """The rays as if all points were low: at a windscreen's height the ends are farther inside.
+    """The rays as if all points were low: a windscreen is behind the bumper, a roof is narrower.
 
-    A ray that enters the box of the predicted target through an end, at `pose_and_size` (5,), ends
-    no sooner than where the class's end is at its height. If that is behind what the `table`
-    expects, the point moves by the difference. `insets` are those of `class_shape.end_insets`.
+    A ray ends no sooner than where it enters the box that the predicted target, at `pose_and_size`
+    (5,), has at the height of the point. If that is behind what the `table` expects, the point
+    moves by the difference, at most from the one box to the other. `insets` are those of
+    `class_shape.height_insets`; `shared` gets two columns of how far a target's own are off.
     """
     if rays.heights is None or insets is None:
         return rays
     turn = rotation(pose_and_size[2])
-    ahead = rays.directions @ turn
+    ahead, sensor = rays.directions @ turn, (rays.sensor[:2] - pose_and_size[:2]) @ turn
     half = 0.5 * table.extents * np.exp(pose_and_size[3:])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        entries = (-np.copysign(half, ahead) - (rays.sensor[:2] - pose_and_size[:2]) @ turn) / ahead
-    cosine = np.maximum(np.abs(ahead[:, 0]), LEAST_COSINE)
-    rear, front = (
-        np.stack([np.interp(rays.heights, HEIGHTS, one) for one in end]) / cosine for end in insets
+    rear, front, sides = (
+        np.stack([np.interp(rays.heights, HEIGHTS, one) for one in face]) for face in insets
     )
-    inset, std = np.where(ahead[:, 0] < 0.0, front, rear)
+    means, stds = np.stack([np.where(ahead[:, 0] < 0.0, front, rear), sides], axis=-1)
+    # Where the ray meets the faces: it enters through the last one.
+    steepness = np.maximum(np.abs(ahead), LEAST_COSINE)
+    distances = -(np.sign(ahead) * sensor + half)
+    lowest, here = (distances / steepness).max(axis=1), (distances + means) / steepness
+    entered = here.argmax(axis=1)[:, None]
+    entry, std = (
+        np.take_along_axis(one, entered, axis=1)[:, 0] for one in (here, stds / steepness)
+    )
     ranges = expected(pose_and_size, rays.sensor, rays.directions, table.arrays)[0]
-    moved = np.clip(entries[:, 0] + inset - ranges, 0.0, inset)
-    moved[entries[:, 0] < entries[:, 1]] = 0.0
-    stds = np.where(moved > 0.0, np.hypot(rays.stds, std), rays.stds)
-    return replace(rays, ranges=rays.ranges - moved, stds=stds)
+    moved = np.clip(entry - ranges, 0.0, entry - lowest)
+    std[moved == 0.0] = 0.0
+    # Its own ends and sides differ from the class's in all scans alike.
+    inwards = np.eye(FACES)[entered[:, 0]] * (np.sign(ahead) * steepness * std[:, None])
+    shared = np.concatenate([rays.shared, inwards[:, None] * turn], axis=2)
+    stds = np.hypot(rays.stds, std)
+    return replace(rays, ranges=rays.ranges - moved, stds=stds, shared=shared)
 
 
 def associate(
@@ -253,13 +270,20 @@ def _of_target(labels: np.ndarray, inside: np.ndarray) -> np.ndarray:
 
 
 def segments(rays: Rays) -> np.ndarray:
-    """Labels (n,) of the stretches of neighbouring rays whose points are near each other."""
+    """Labels (n,) of the stretches of neighbouring rays whose points are near each other.
+
+    Where a bearing has points of several objects, a neighbour is one of the next few.
+    """
     order = np.argsort(rays.bearings, kind="stable")
     points, stds = (rays.ranges[:, None] * rays.directions)[order], rays.stds[order]
-    apart = np.hypot(*np.diff(points, axis=0).T) > GAP + 2.0 * (stds[1:] + stds[:-1])
-    labels = np.zeros(len(order), np.int64)
-    labels[order[1:]] = np.cumsum(apart)
-    return labels
+    pairs = []
+    for step in range(1, 2 if rays.heights is None else 1 + NEIGHBOURS):
+        apart = np.hypot(*(points[step:] - points[:-step]).T)
+        first = np.flatnonzero(apart <= GAP + 2.0 * (stds[step:] + stds[:-step]))
+        pairs.append([order[first], order[first + step]])
+    places = np.concatenate(pairs, axis=1)
+    graph = coo_array((np.ones(places.shape[1]), tuple(places)), shape=(len(order),) * 2)
+    return connected_components(graph, directed=False)[1]
 
 
 def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:

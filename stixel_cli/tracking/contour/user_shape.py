@@ -23,7 +23,7 @@ RADII = 360
 """Numbers of a class's outline: a wheel's width is seen under 3 degrees."""
 
 COUNTS = {"size": 2, "size_stds": 2, "radii": RADII, "modes": 12 * 120, "limb_modes": 6 * 120}
-OPTIONAL = {"end_insets": 64}
+OPTIONAL = {"height_insets": 96}
 COUNTS_OF_SENSOR = {
     "depth_biases": 216,
     "depth_stds": 216,
