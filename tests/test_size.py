@@ -49,7 +49,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 
-TEMPLATES = 1_899
+TEMPLATES = 1_900
 """Greatest number of lines of all templates."""
 
 

@@ -400,7 +400,7 @@ def _mark(answer: Answer, option: object) -> str:
         return ""
     if option == answer.best:
         return BEST if answer.shown else TIED
-    return "" if answer.excludes_zero(option) else TIED
+    return "" if answer.differs[option] else TIED
 
 
 def _is_flattened(answer: Answer, values: np.ndarray) -> bool:

@@ -69,11 +69,10 @@ def overview(
     counts, best = first.table.loc[order], set()
     every = [*counts["runs"].astype(str)]
     used = [str(first.used * (option in first.values)) for option in order]
-    both = [" of ".join(one) for one in zip(used, every, strict=True)]
-    columns = [
-        (first.question.named, [*map(str, order)]),
-        ("runs", every) if used == every else ("runs used", both),
-    ]
+    columns = [(first.question.named, [*map(str, order)]), ("runs", every)]
+    if used != every:
+        both = zip(used, every, strict=True)
+        columns[1] = ("runs used", [" of ".join(one) for one in both])
     if counts["failed"].any():
         columns.append(("failed", [*counts["failed"].astype(str)]))
     for i, one in enumerate(answers):
@@ -88,9 +87,9 @@ def overview(
         if paired and one is first and counts["minus_low"].notna().any():
             columns.append((f"minus {one.against}{INTERVAL}", texts(one, MINUS, sign=True)))
     header, cells = zip(*columns, strict=True)
-    marks = (tuple((i, j) in best for j in range(len(header))) for i in range(len(order)))
-    rows = tuple(zip(*cells, strict=True))
-    return Cells(header, rows, tuple(marks), tuple(range(1, len(header))))
+    places = range(len(header))
+    marks = (tuple((i, j) in best for j in places) for i in range(len(order)))
+    return Cells(header, tuple(zip(*cells, strict=True)), tuple(marks), tuple(places[1:]))
 
 
 def explanation(answers: Sequence[Answer] = ()) -> str:

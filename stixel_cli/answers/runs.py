@@ -187,7 +187,8 @@ class Answer:
 
     def _said(self, over: str, then: str) -> str:
         """What the values show, `over` which units, and `then` between two of its parts."""
-        heard = [option for option in self.order if np.isfinite(self.table.loc[option, "mean"])]
+        means = self.table["mean"].dropna()
+        heard = [option for option in self.order if option in means]
         reference = self.question.reference
         if not heard:
             common = "no scenario has every unit, and no unit every scenario, of all options"
@@ -200,7 +201,7 @@ class Answer:
             against = f"against {self.name(reference)} ({self._value(reference)})"
             return f"{_first_of(parts)} {against}{over}"
         first, second = self._named(heard[:1]), heard[1]
-        same = [self.name(option) for option in heard[1:] if not self.excludes_zero(option)]
+        same = [self.name(option) for option in heard[1:] if not self.differs[option]]
         if same:
             return f"{first}{over}{then} not shown to differ: {_first_of(same)}"
         minus = self._value(second, MINUS, True)
@@ -256,10 +257,10 @@ class Answer:
         values = known(self.table.loc[option, columns])
         return with_interval(*values, self.question.row.unit, sign=sign)
 
-    def excludes_zero(self, option: object) -> bool:
-        """Whether the interval of an option's difference does."""
-        row = self.table.loc[option]
-        return bool(row["minus_low"] > 0.0 or row["minus_high"] < 0.0)
+    @cached_property
+    def differs(self) -> dict[object, bool]:
+        """Whether the interval of each option's difference excludes 0."""
+        return ((self.table["minus_low"] > 0.0) | (self.table["minus_high"] < 0.0)).to_dict()
 
 
 @dataclass(frozen=True, eq=False)
