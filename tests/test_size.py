@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_876
+TOTAL = 45_875
 """Greatest number of lines in all."""
 
 MODULES = 248
@@ -23,7 +23,7 @@ BUDGET = {
     "answers": 1342,
     "benchmark": 1002,
     "calibration": 563,
-    "cli": 2601,
+    "cli": 2600,
     "config": 2699,
     "engine": 4127,
     "evaluation": 1609,

@@ -118,8 +118,7 @@ def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
     say("")
     print_table(*metrics.score_table(shown))
     say("")
-    labels = metrics.label_rows(scores.labels)
-    if labels:
+    if labels := metrics.label_rows(scores.labels):
         print_table(metrics.LABEL_COLUMNS, labels, right=range(1, len(metrics.LABEL_COLUMNS)))
         say("")
     sys.stdout.flush()
