@@ -71,13 +71,15 @@ def answer(folder: Path) -> str:
 
 
 def tables(folder: Path) -> list[str]:
-    """The tables of a study's `TABLES`, each with its name, without the sentences below them."""
+    """The tables of a study's `TABLES`, each with its heading, without the sentences below them."""
     parts, of_study = [], folder / "tables"
+    shipped = DOCS.parent / "pipelines" / "studies" / f"{folder.name}.yaml"
+    questions = yaml.safe_load(shipped.read_text(encoding="utf-8"))["questions"]
     for name in TABLES.get(folder.name, ()):
         for file in (*of_study.glob(f"{name}.md"), *sorted(of_study.glob(f"{name}-*.md"))):
             rows = [row for row in file.read_text(encoding="utf-8").splitlines() if row[:1] == "|"]
             group = file.stem.removeprefix(name).replace("-", ", ", 1)
-            parts += [f"{name.replace('_', ' ')}{group}:\n", *rows, ""]
+            parts += [f"{questions[name]['heading']}{group}:\n", *rows, ""]
     return parts
 
 

@@ -266,7 +266,7 @@ def test_pages_have_the_answers_and_the_tables(tmp_path):
         f"- Car: 0.12 <m>.\n- Details.\n\n### Other\n\nstays\n\n{script['END']}\nafter\n"
     )
     text = places["ACCURACY"].read_text()
-    assert "held out, car:\n\n| contour | 0.93 |\n" in text
+    assert "Meshes of another origin, car:\n\n| contour | 0.93 |\n" in text
     assert "0.99" not in text and "Words" not in text
 
 
