@@ -153,11 +153,10 @@ def information_scan(mean, covariance, points):
 
 
 def fast_scan(mean, covariance, points):
-    mean, covariance = predict(
-        mean, covariance, INTERVAL, process_noise(INTERVAL, 1.0, 0.2), 1e-4, PROCESS.covariance
-    )
+    noise = process_noise(INTERVAL, 1.0, 0.2)
+    mean, covariance = predict(mean, covariance, INTERVAL, noise, 1e-4, PROCESS)
     model = linearise(points, mean, PROCESS)
-    return update(mean, covariance, model, STD**2 * np.eye(2), tangential=True)[:2]
+    return update(mean, covariance, model, STD**2, tangential=True)[:2]
 
 
 # The dense one first: the arrays of megabytes that it frees teach malloc to keep its pages, as any
