@@ -16,7 +16,7 @@ from stixel_cli.config.folders import INNER, SOURCES
 from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.overrides import parser
 from stixel_cli.config.texts import override_text, suggestion
-from stixel_cli.engine.cache_folder import keep, kept
+from stixel_cli.engine.cache_folder import store_json, stored_json
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.keys import digest
 from stixel_cli.engine.parameters import default_cache_folder
@@ -64,14 +64,14 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     versions = [installed_version(name) for name in ("hydra-core", "omegaconf")]
     key = digest([chosen, state, versions, list(Choice.__annotations__)])
     cache, file = default_cache_folder(), f"{key}.json"
-    if known := kept(cache, FOLDER, file):
+    if known := stored_json(cache, FOLDER, file):
         choice = Choice(**known)
     else:
         choice = _by_hydra([override_text(group, option) for group, option in chosen], state)
         # Without a cache folder it is not stored: `verify`, for example, needs none.
         with suppress(OSError, CacheError):
             if cache.is_dir():
-                keep(cache, FOLDER, file, asdict(choice))
+                store_json(cache, FOLDER, file, asdict(choice))
     if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
         return choice
     # Inner groups that the chosen options lack are left out.

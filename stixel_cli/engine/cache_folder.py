@@ -31,7 +31,7 @@ _SIGNATURE = "Signature: 8a477f597d28d172789f06886806bc55"
 _OWNER = "stixel cache"
 
 LARGEST = 16_000_000
-"""A larger file of `keep`, in bytes, is not read."""
+"""A larger file of `store_json`, in bytes, is not read."""
 
 CELLS = "cells"
 """Folder of the modules that are written from a notebook's functions."""
@@ -71,15 +71,15 @@ def make_folder(root: Path, name: str) -> Path:
     return path
 
 
-def keep(root: Path, folder: str, name: str, content: Any) -> None:
+def store_json(root: Path, folder: str, name: str, content: Any) -> None:
     """Write JSON behind its digest into a file of the cache `root`; errors as of `make_folder`."""
     text = json.dumps(content, separators=(",", ":"))
     digest = sha256(text.encode()).hexdigest()
     write_whole(make_folder(root, folder) / name, f"{digest}\n{text}")
 
 
-def kept(root: Path, folder: str, name: str) -> Any:
-    """The content of a file of `keep`; None if it is missing or damaged."""
+def stored_json(root: Path, folder: str, name: str) -> Any:
+    """The content of a file of `store_json`; None if it is missing or damaged."""
     with suppress(UserError, ValueError):
         digest, _, text = read_bytes(root / folder / name, LARGEST).partition(b"\n")
         if sha256(text).hexdigest().encode() == digest:

@@ -15,7 +15,7 @@ from functools import cache
 from hashlib import file_digest, sha256
 from pathlib import Path
 
-from stixel_cli.engine.cache_folder import keep, kept
+from stixel_cli.engine.cache_folder import store_json, stored_json
 from stixel_cli.engine.errors import InvalidCode
 from stixel_cli.errors import UserError
 from stixel_cli.files import GREATEST_ARRAYS, opened
@@ -167,7 +167,7 @@ def _digests_file() -> str:
 
 def load_digests(store_folder: Path) -> None:
     """Read the digests that the store keeps. A file that is missing or damaged has no effect."""
-    for key, fields in (kept(store_folder, SOURCES, _digests_file()) or {}).items():
+    for key, fields in (stored_json(store_folder, SOURCES, _digests_file()) or {}).items():
         _digests.setdefault(key, fields)
         _unsaved.discard(key)
 
@@ -179,8 +179,8 @@ def save_digests(store_folder: Path) -> None:
         if not _unsaved and path.exists():
             os.utime(path)
             return
-        others = kept(store_folder, SOURCES, path.name) or {}
+        others = stored_json(store_folder, SOURCES, path.name) or {}
         known = {key: others[key] for key in others if key not in _digests} | _digests
         newest = dict(list(known.items())[-MOST_DIGESTS:])
-        keep(store_folder, SOURCES, path.name, newest)
+        store_json(store_folder, SOURCES, path.name, newest)
         _unsaved.clear()

@@ -202,16 +202,14 @@ class Line(_FromStart):
         super().check()
         heading = math.radians(self.heading)
         away = self.start[0] * math.cos(heading) + self.start[1] * math.sin(heading)
-        approach = "from path.start does not approach the camera; path=approach must (-90 is"
-        depart = "from path.start approaches the camera; path=depart must not (90 is"
-        crossing = "does not go from left to right; path=crossing must (0 is straight across)"
-        fits, fault = {
-            "approach": (away < 0.0, f"{approach} straight towards it)"),
-            "depart": (away > 0.0, f"{depart} straight away from it)"),
-            "crossing": (math.cos(heading) > 0.0, crossing),
+        fits, way = {
+            "approach": (away < 0.0, "from path.start towards the camera (-90: straight)"),
+            "depart": (away > 0.0, "from path.start away from the camera (90: straight)"),
+            "crossing": (math.cos(heading) > 0.0, "from left to right (0: straight across)"),
         }[self.kind]
         if not fits:
-            raise ValueError(f"path.heading: {self.heading:g} degrees {fault}")
+            must = f"path={self.kind} must lead {way}"
+            raise ValueError(f"path.heading: {must}, got {self.heading:g} degrees")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -118,9 +118,8 @@ class OneSide:
     def rays(self, scan: Scan, mean: np.ndarray, position: np.ndarray) -> tuple[Rays, np.ndarray]:
         """The rays of the points of a scan, moved to where they would be if the outline were seen.
 
-        That is the target's at the `mean` (6 + N,), whose place has the covariance `position`
-        (2, 2) m². Points of an unknown class stay. Also the standard deviations (n,) m of these
-        moves.
+        `mean` (6 + N,) is the target's state, `position` (2, 2) m² the covariance of its place.
+        Points of an unknown class stay. Also the standard deviations (n,) m of these moves.
         """
         seen, sensor = (scan.points, scan.covariances), scan.sensor
         shared = self._scans.shared_directions(scan.k, scan.points)

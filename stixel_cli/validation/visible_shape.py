@@ -107,7 +107,7 @@ def height_insets_of(road_users: Sequence[Sequence[Mesh]]) -> np.ndarray:
     """How far inside its box a class is at each height: `class_shape.height_insets`.
 
     Of each road user the meshes of all limb poses; 41 points of each edge. Above it, as at its top.
-    A car's mirrors are wider than its sides, so these count from `BODY` on.
+    Sides are compared with those at `BODY`: a car's mirrors are wider.
     """
     found, share = [], np.linspace(0.0, 1.0, 41)[:, None]
     for meshes in road_users:

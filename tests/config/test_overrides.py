@@ -121,9 +121,9 @@ IMPOSSIBLE = {
     "path=waypoints path.points=[[0,10],[0,10],[5,9]]": "path.points: points 0 and 1 are the same",
     "path=waypoints path.points=[[0,10],[0,20],[0,12]]": "path.points: the path turns back on "
     "itself at point 1",
-    "path=approach path.heading=90": "path.heading: 90 degrees",
-    "path=depart path.heading=-90": "path.heading: -90 degrees",
-    "path=crossing path.heading=180": "path.heading: 180 degrees",
+    "path=approach path.heading=90": "path=approach must lead from path.start towards",
+    "path=depart path.heading=-90": "path=depart must lead from path.start away",
+    "path=crossing path.heading=180": "path=crossing must lead from left to right",
     **{
         f"path={path} path.duration=3600 path.sample_time=0.001": "more than 100000 scans"
         for path in group_options()["path"]
