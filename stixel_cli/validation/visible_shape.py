@@ -106,22 +106,22 @@ BODY = 2
 def height_insets_of(road_users: Sequence[Sequence[Mesh]]) -> np.ndarray:
     """How far inside its box a class is at each height: `class_shape.height_insets`.
 
-    Of each road user the meshes of all limb poses; 41 points of each edge. Above it, as at its top.
+    Of each road user the mean over its limb poses; 41 points of each edge. Above it, as at its top.
     Sides are compared with those at `BODY`: a car's mirrors are wider.
     """
     found, share = [], np.linspace(0.0, 1.0, 41)[:, None]
     for meshes in road_users:
-        reach = np.full((3, len(HEIGHTS)), -np.inf)
-        for begin in map(corners, meshes):
-            end = np.roll(begin, -1, axis=1)
-            edges = share * begin[..., None, :] + (1.0 - share) * end[..., None, :]
+        of_poses = []
+        for begin in (corners(mesh)[..., None, :] for mesh in meshes):
+            edges = share * begin + (1.0 - share) * np.roll(begin, -1, axis=1)
             x, y, z = edges.reshape(-1, 3).T
             slab = np.abs(z[:, None] - HEIGHTS).argmin(axis=1)
-            np.maximum.at(reach[0], slab, -x)
-            np.maximum.at(reach[1], slab, x)
-            np.maximum.at(reach[2], slab, np.abs(y))
-        top = np.flatnonzero(np.isfinite(reach[0])).max()
-        reach[:, top:] = reach[:, top : top + 1]
+            reach = np.full((3, len(HEIGHTS)), -np.inf)
+            np.maximum.at(reach, np.s_[:, slab], [-x, x, np.abs(y)])
+            top = np.flatnonzero(np.isfinite(reach[0])).max()
+            reach[:, top:] = reach[:, top : top + 1]
+            of_poses.append(reach)
+        reach = np.mean(of_poses, axis=0)
         widest = reach.max(axis=1, keepdims=True)
         widest[2] = reach[2, BODY]
         found.append(np.maximum(widest - reach, 0.0))
