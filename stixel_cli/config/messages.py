@@ -17,7 +17,7 @@ LONGEST_REASON = 200
 
 _REPLACED = {("measurement", "simulated"): "measurement=stixels"}
 _REPLACED |= {("tracker", "random_matrix"): "tracker=pyrecest tracker.name=ggiw"}
-_OTHER_KEYS = {"tracker.class": "tracker.road_user", "measurement.sees": "tracker.sees"}
+_OTHER_KEYS = {"tracker.class": "tracker.road_user"}
 _OTHER_KEYS |= {"measurement.file": "measurement.path", "stereo.disparities": "stereo.nearest, m"}
 _OTHER_KEYS |= dict.fromkeys(
     ("rig.disparity_offset", "rig.disparity_slope"), "rig.disparity_error, px of (1, x, x²)"

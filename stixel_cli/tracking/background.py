@@ -10,14 +10,9 @@ import numpy as np
 
 from stixel_cli.tracking.contour.contour_rays import Rays, segments
 
-CELL = 0.25
-"""Places are remembered once in each square of this side, m."""
-
-NEAR = 0.5
-"""A point is at a remembered place if it is within so many metres."""
-
 APART = 0.5
-"""An object is another one if it is farther by this, m, than any point of the target may be."""
+"""m. An object is another one if it is farther by this than any point of the target may be. A place
+is remembered once in each square of this side, and a point is there if it is no farther away."""
 
 GATE = 3.0
 """Standard deviations of the place by which the target's points may be off."""
@@ -43,7 +38,7 @@ class Background:
             return np.zeros(len(points), bool)
         from scipy.spatial import cKDTree
 
-        return cKDTree(self._places).query(points)[0] < NEAR
+        return cKDTree(self._places).query(points)[0] < APART
 
     def _learn(
         self, points_world: np.ndarray, distances: np.ndarray, labels: np.ndarray, reach: float
@@ -52,5 +47,5 @@ class Background:
         nearest = np.full(labels.max() + 1, np.inf)
         np.minimum.at(nearest, labels, distances)
         places = np.concatenate([self._places, points_world[nearest[labels] > reach]])
-        _, first = np.unique(np.round(places / CELL), axis=0, return_index=True)
+        _, first = np.unique(np.round(places / APART), axis=0, return_index=True)
         self._places = places[first]

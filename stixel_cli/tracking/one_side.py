@@ -15,6 +15,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_shape import (
+    LEAST_COSINE,
     MODE_ANGLES,
     class_shape,
     height_insets,
@@ -47,9 +48,6 @@ factor on the covariance of the pose."""
 
 END_STD = 0.2
 """Of the places of the first and the last point at the ends of the outline, m."""
-
-LEAST_SLANT = 0.2
-"""Cosine between radius and normal of an outline, below which the radius changes no more."""
 
 
 class OneSide:
@@ -257,4 +255,4 @@ def size_slopes(outline: np.ndarray) -> np.ndarray:
     edges = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
     normals = np.stack([edges[:, 1], -edges[:, 0]], axis=-1) / np.hypot(*edges.T)[:, None]
     slant = (normals * outline).sum(axis=1) / np.hypot(*outline.T)
-    return (normals * outline / np.maximum(slant, LEAST_SLANT)[:, None]).T
+    return (normals * outline / np.maximum(slant, LEAST_COSINE)[:, None]).T

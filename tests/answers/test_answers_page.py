@@ -11,7 +11,7 @@ from stixel_cli.answers import render
 from stixel_cli.answers.page import Asked, answers_page
 from stixel_cli.answers.runs import Runs
 
-SIGMA, LENGTH, NOISE = (f"tracker.{name}" for name in ("sigma_f", "length_scale", "noise_factor"))
+SIGMA, LENGTH, NOISE = (f"tracker.{name}" for name in ("sigma_f", "length_scale", "slip"))
 
 
 def made(axes):

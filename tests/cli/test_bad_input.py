@@ -135,7 +135,6 @@ def test_one_line_begins_with_the_key(text, capsys):
         (["measurement=file", "measurement.path=none.csv"], "none.csv is missing"),
         (["measurement=file", "measurement.path=."], "must be a table with the suffix"),
         (["start=scans", "start.bearing=[3,1]"], "start.bearing: the second must be greater"),
-        (["tracker=contour", "tracker.sees=contour"], "stixels has the surface that rays meet"),
         (["pace.speed=3", "path=approach"], "pace.speed: unknown key; did you mean path.speed?"),
     ],
 )

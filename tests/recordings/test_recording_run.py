@@ -133,12 +133,11 @@ def test_the_errors_of_a_real_rig_are_those_of_its_calibration(clip):
     # 4 px of 150.
     assert tracker.silhouette_std == pytest.approx(np.degrees(4 / 150), abs=1e-3)
     assert tracker.length_std == 0.133
-    assert tracker.noise_factor == 2.5
     own = compose(of(clip, "tracker=contour", "tracker.silhouette_std=0", "prior=cyclist"))
     assert own.configuration.tracker.silhouette_std == 0.0
     assert own.configuration.prior.length == 1.77
     rendered = compose(["tracker=contour"]).configuration.tracker
-    assert (rendered.silhouette_std, rendered.noise_factor) == (0.0, 2.0)
+    assert rendered.silhouette_std == 0.0
     assert compose(of(clip, "stereo=bm")).configuration.stereo.kind == "bm"
 
 

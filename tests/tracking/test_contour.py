@@ -279,7 +279,6 @@ def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
     assert (len(rows.errors) > count + 2) == bool(sight.residual)
 
     shape, ends = rows.stds**2, measured.ends
-    shape[:count] += rows.slants**2 * measured.rounding
     own = measured.variances + FINE * shape
     own[:count] += rows.slants**2 * rays.across_variances
     own[count:] += rays.across_variances[ends]

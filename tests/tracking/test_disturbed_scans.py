@@ -145,7 +145,7 @@ def test_each_scan_has_the_state_of_the_class_that_it_reports(monkeypatch):
     scans = Scans.of_each(*first, each, field_of_view=whole.field_of_view)
     unknown = compose(["prior=unknown", "tracker=contour", "measurement=fabricated"]).configuration
     initial = noisy_start(scenario, p.start, SEED)
-    monkeypatch.setattr(contour, "CONTRADICTED", np.inf)
+    monkeypatch.setattr(contour, "CONTRADICTED", 1e6)
 
     def reporting(classes):
         chosen = iter(classes)
@@ -182,7 +182,7 @@ def test_the_other_classes_change_nothing_while_the_prior_fits(user):
 @pytest.mark.parametrize(("user", "prior"), list((OTHERS | {"car": "unknown"}).items()))
 def test_classes_that_are_dropped_would_change_nothing(user, prior, monkeypatch):
     expected = of_prior(user, prior)
-    monkeypatch.setattr(contour, "CONTRADICTED", np.inf)
+    monkeypatch.setattr(contour, "CONTRADICTED", 1e6)
     found = of_prior.__wrapped__(user, prior)
     np.testing.assert_array_equal(found.means, expected.means)
     np.testing.assert_array_equal(found.class_replaced, expected.class_replaced)

@@ -9,7 +9,7 @@ from seen_targets import rows_at
 from stixel_cli.geometry.pose import rectangle, rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.tracking.contour.ray_kernels import expected
-from stixel_cli.tracking.contour.ray_table import behind, first_depths, outline_table, widths
+from stixel_cli.tracking.contour.ray_table import first_depths, outline_table, widths
 
 RECTANGLE = rectangle(4.0, 1.6)
 RIGHT = np.array([[2, -1], [2, 1], [0.5, 1], [0.5, 0.2]])
@@ -80,19 +80,3 @@ def test_a_point_at_the_sensor_has_no_range_and_changes_no_other():
     alone = expected(state, sensor, directions[[0, 2]], table)
     assert np.isnan(found[:, 1]).all()
     np.testing.assert_array_equal(found[:, [0, 2]], alone)
-
-
-def test_rays_leave_a_shape_where_rays_from_the_other_side_meet_it():
-    outline = np.array([[2.0, -0.5], [1.0, 0.8], [-1.5, 0.6], [-1.0, -0.9]])
-    state, sensor = np.array([0.3, 20.0, 0.7, 0.1, -0.1]), np.zeros(2)
-    directions = np.array([[np.sin(a), np.cos(a)] for a in np.linspace(-0.05, 0.07, 13)])
-    near = outline_table(outline)
-    ranges, misses, _ = expected(state, sensor, directions, near.arrays)
-    leaving, others, _ = expected(state, sensor, directions, behind(near).arrays)
-    for i, direction in enumerate(directions):
-        back = expected(state, 40.0 * direction, -direction[None], near.arrays)[0]
-        assert leaving[i] == pytest.approx(40.0 - back[0], abs=1e-6)
-    inside = misses < 0.0
-    assert inside.sum() > 5
-    assert (leaving > ranges)[inside].all()
-    np.testing.assert_allclose(others, misses, atol=1e-9)

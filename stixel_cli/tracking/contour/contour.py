@@ -19,13 +19,10 @@ from stixel_cli.tracking.contour.class_size import class_size, states_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import FACES, Rays, rays_of
-from stixel_cli.tracking.contour.forms import FORM_ODDS, forms_of, free_form
+from stixel_cli.tracking.contour.forms import forms_of, free_form
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import OTHER, InitialState, Track, used_rows
-
-FITS = 5.0
-"""A size that the user states fits a class within so many standard deviations of both."""
 
 GREATEST_DEVIATION = 3.0
 """A target whose size is farther from a class's mean, in its standard deviations, is not of it."""
@@ -95,12 +92,14 @@ class ClassBank:
         else:
             leader = None
         for one in self._kept.values():
-            # Re-detection costs thirteen updates; skip it for classes that the scans rule out.
+            # Re-detection costs seven updates; skip it for classes that the scans rule out.
             probable = not one.log_weights or one.log_weights[-1] > self._best - CONTRADICTED
             if one is not leader:
                 one.step(interval, rays, probable)
         self._choose()
-        self._best = max(one.log_weights[-1] for one in self._kept.values())
+        # A class that a stretched size keeps likely does not rule out others.
+        likely = [one.log_weights[-1] for one in self._kept.values() if not _is_far(one)]
+        self._best = max(likely, default=-np.inf)
         self._kept = {
             (road_user, form): one
             for (road_user, form), one in self._kept.items()
@@ -109,13 +108,15 @@ class ClassBank:
         }
 
     def _choose(self) -> None:
-        """Which filter is reported at this scan."""
+        """Which filter is reported at this scan.
+
+        An outline that the user states is believed until the scans contradict it, and that the
+        target is of no known class once they contradict all classes.
+        """
         weights, of_class = {}, dict[str, float]()
         for (road_user, form), one in self._kept.items():
-            # Another class's points stretch or shrink the size before they contradict the shape.
-            far = one.size_deviations[-1] > GREATEST_DEVIATION
-            weight = -1e9 if far else one.log_weights[-1] + FORM_ODDS.get(form, 0.0)
-            weights[road_user, form] = weight
+            odds = {"outline": CONTRADICTED, "free": -CONTRADICTED}.get(form, 0.0)
+            weights[road_user, form] = weight = -1e9 if _is_far(one) else one.log_weights[-1] + odds
             of_class[road_user] = float(np.logaddexp(of_class.get(road_user, -np.inf), weight))
         name = reported_class(of_class, self._assumed)
         if name != self._own:
@@ -161,6 +162,11 @@ class ClassBank:
         }
 
 
+def _is_far(one: ClassFilter) -> bool:
+    """Whether another target's points stretched the size before they contradict the shape."""
+    return one.size_deviations[-1] > GREATEST_DEVIATION
+
+
 def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
     """Whether a target with this prior may turn out to be a `road_user`.
 
@@ -176,7 +182,7 @@ def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
         return True
     stated, size = np.array([prior.length, prior.width]), class_size(road_user)
     stds = np.hypot(stated * [prior.length_std, prior.width_std], size.mean * size.stds)
-    return bool((np.abs(stated - size.mean) <= FITS * stds).all())
+    return bool((np.abs(stated - size.mean) <= GREATEST_DEVIATION * stds).all())
 
 
 def _of_class(

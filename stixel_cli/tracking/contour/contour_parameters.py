@@ -18,18 +18,13 @@ class ContourParameters:
         road_user: whether the class is `fixed` as the prior's, or `estimated`: replaced by one that
             the scans make far more probable, if a size that you state fits that class, or by
             `other`, no known class.
-        sees: where on the target the points of a file or of your own source are: where rays meet
-            it first (`first_surface`, as of a lidar or a radar), or on its whole `contour`.
         acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
         turn_acceleration: process noise of the turn rate, rad/s^1.5.
         slip: process noise of the position, m/s^0.5: motion that is not along the heading.
         length_std, width_std: standard deviation of the factors on the class's length and width,
             relative to the prior's.
-        noise_factor: factor on the standard deviation of a point's range. The errors of
-            successive scans are correlated, which the filter does not model; a factor above 1
-            stands for that.
         shape_factor: factor on the standard deviation of the visible shape. Neighbours share its
-            error, and it changes little from scan to scan, so this factor is larger.
+            error, and it changes little from scan to scan; the factor stands for that.
         silhouette_factor: factor on the standard deviation of the silhouette.
         silhouette_std: standard deviation of the bearing of a silhouette, degrees, beyond that of
             rendered images: a matcher moves the edges of real objects.
@@ -41,14 +36,12 @@ class ContourParameters:
 
     kind: Literal["contour"]
     seen_by: Literal["stixels", "fabricated", "lidar", "file", "own"]
-    sees: Literal["first_surface", "contour"]
     road_user: Literal["estimated", "fixed"]
     acceleration: Annotated[float, Ge(0), Le(100)]
     turn_acceleration: Annotated[float, Ge(0), Le(100)]
     slip: Annotated[float, Ge(0), Le(10)]
     length_std: Annotated[float, Gt(0), Le(1)]
     width_std: Annotated[float, Gt(0), Le(1)]
-    noise_factor: Annotated[float, Gt(0), Le(100)]
     shape_factor: Annotated[float, Ge(0.1), Le(100)]
     silhouette_factor: Annotated[float, Ge(0.1), Le(100)]
     silhouette_std: Annotated[float, Ge(0), Le(10)]
@@ -58,11 +51,3 @@ class ContourParameters:
     lag: Annotated[int, Ge(0)] | None
     contour_points: ClassVar[int] = 240
     """Number M of points of the contour that is reported: no estimate depends on it."""
-
-    def check(self) -> None:
-        """Raise ValueError if `sees` would have no effect."""
-        if self.sees == "contour" and self.seen_by not in ("file", "own"):
-            raise ValueError(
-                f"tracker.sees: contour is for points of a file or of your own source; "
-                f"{self.seen_by} has the surface that rays meet first: leave tracker.sees out"
-            )

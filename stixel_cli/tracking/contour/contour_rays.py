@@ -11,6 +11,7 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.contour.class_shape import (
     HEIGHTS,
+    LEAST_COSINE,
     class_shape,
     height_insets,
     visible_shape,
@@ -36,9 +37,6 @@ FACES = 2
 NEIGHBOURS = 3
 """So many of the next points, by bearing, may be of the same object."""
 
-LEAST_COSINE = 0.2
-"""Of the angle between a ray and a face's normal, by which its inset is divided: its limit."""
-
 LEARNED = ("stixels", "fabricated", "lidar")
 """Kinds of measurement from whose scans of the drawn classes the visible shapes were learned."""
 
@@ -58,11 +56,6 @@ class Sight:
     residual: Residual | None = None
     """How the outline may differ from the form; None where the visible shape was learned from such
     scans, see `forms.py`."""
-    far: RayTable | None = None
-    """Where rays leave the shape, if points may be there; None if they are where rays meet it
-    first."""
-    rounding_std: float = 0.0
-    """Of the shape across the rays, m: where they graze it, its edges are round."""
     height_insets: np.ndarray | None = None
     """See `class_shape.height_insets`; None: not known."""
 
@@ -232,8 +225,7 @@ def associate(
     """
     if not len(rays.ranges):
         return np.zeros(0, np.int64)
-    seen_from = pose_and_size, rays.sensor, rays.directions
-    ranges, misses, stds = expected(*seen_from, sight.table.arrays)
+    ranges, misses, stds = expected(pose_and_size, rays.sensor, rays.directions, sight.table.arrays)
     along = across = covariance[0, 0] + covariance[1, 1]
     if sight.residual:
         across = np.einsum("ni,ij,nj->n", rays.normals, covariance[:2, :2], rays.normals)
@@ -241,9 +233,6 @@ def associate(
     reach = np.hypot(*sight.table.extents)
     turned = 0.25 * reach**2 * covariance[2, 2]
     errors = rays.ranges - ranges - sight.bias_per_std * rays.stds
-    if sight.far:
-        far = expected(*seen_from, sight.far.arrays)[0]
-        errors -= np.clip(errors, 0.0, far - ranges)
     variance = rays.stds**2 + stds**2 + along + turned
     fits = np.abs(errors) < NEAR_RANGE + tracker.gate_std * np.sqrt(variance)
     meets = misses < NEAR_ACROSS + tracker.gate_std * np.sqrt(across + turned)

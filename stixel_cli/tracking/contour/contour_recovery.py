@@ -31,23 +31,20 @@ from stixel_cli.tracking.contour.contour_update import (
 RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
 
-TURNS = np.radians([0.0, -10.0, 10.0, -20.0, 20.0, -30.0, 30.0, -40.0, 40.0])
+TURNS = np.radians([0.0, -20.0, 20.0, -40.0, 40.0])
 """Turns of the predicted heading from which the update begins again, rad."""
 
 WIDE = np.diag([0.3, 0.3, 0.35, 1.0, 0.5, 0.0, 0.0]) ** 2
 """Added to the covariance of an inconsistent prediction: m, rad, m/s, rad/s."""
 
-SHIFTS = (-1.0, -0.5, 0.5, 1.0)
+SHIFTS = (-1.0, 1.0)
 """Places across the rays from which it begins, too, m: of a target longer than its class."""
 
-UNLIKELY, MOST = 20.0, 4
-"""Log odds against a hypothesis beyond which it is given up; so many are kept at most."""
+UNLIKELY = 20.0
+"""Log odds against a hypothesis beyond which it is given up."""
 
-SAME = 0.3, 0.2
+SAME = 0.15, 0.1
 """Two hypotheses are one if they are no farther apart, m and rad."""
-
-MERGED = 0.05, 0.05
-"""Two iterations have the same end if they are no farther apart, m and rad."""
 
 LARGEST = 1.3
 """A cluster is the target if it is at most this many times the class's diagonal long."""
@@ -92,7 +89,7 @@ def detect_again(
             begin[2] += turn
             fit = measurement.fit(mean, wide, begin)
             # Most begins end at the same place.
-            if all(_apart(fit.mean, other.mean, MERGED) for other in fits):
+            if all(_apart(fit.mean, other.mean) for other in fits):
                 fits.append(fit)
         results += [(found, measurement.posterior(joint, fit)) for fit in fits]
     return results
@@ -107,19 +104,15 @@ def rivals(hypotheses: list[Hypothesis]) -> list[Hypothesis]:
     kept: list[Hypothesis] = []
     for one in sorted(hypotheses, key=odds, reverse=True):
         likely = not kept or odds(one) > odds(kept[0]) - UNLIKELY
-        if (
-            likely
-            and len(kept) < MOST
-            and all(_apart(one.state[0], other.state[0], SAME) for other in kept)
-        ):
+        if likely and all(_apart(one.state[0], other.state[0]) for other in kept):
             kept.append(one)
     return kept
 
 
-def _apart(one: np.ndarray, other: np.ndarray, limits: tuple[float, float]) -> bool:
-    """Whether two means (d,) are farther apart than the `limits`, m and rad."""
+def _apart(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two means (d,) are not the `SAME`."""
     change = one[:3] - other[:3]
-    return bool(np.hypot(*change[:2]) > limits[0] or np.abs(wrap_angle(change[2])) > limits[1])
+    return bool(np.hypot(*change[:2]) > SAME[0] or np.abs(wrap_angle(change[2])) > SAME[1])
 
 
 def turned(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.tracking.contour.class_shape import ClassShape
+from stixel_cli.tracking.contour.class_shape import LEAST_COSINE, ClassShape
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.track import contour_directions
 
@@ -45,7 +45,7 @@ def contours_of(
     bodies = radii[..., None] * unit + centres[:, None]
     edges = np.roll(bodies, -1, axis=1) - np.roll(bodies, 1, axis=1)
     normals, lengths = np.stack([edges[..., 1], -edges[..., 0]], axis=-1), np.hypot(*edges.T).T
-    facing = np.maximum(np.einsum("kmi,mi->km", normals, unit), 0.2 * lengths)
+    facing = np.maximum(np.einsum("kmi,mi->km", normals, unit), LEAST_COSINE * lengths)
     turns = np.array([rotation(heading) for heading in means[:, 2]]).reshape(-1, 2, 2)
     slopes = np.zeros((*radii.shape, means.shape[1]))
     slopes[..., :2] = normals @ turns.transpose(0, 2, 1)

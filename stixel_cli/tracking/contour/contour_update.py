@@ -45,7 +45,7 @@ class Measurement:
 
     def __init__(self, rays: Rays, sight: Sight, tracker: ContourParameters):
         self._rays, self._tracker = rays, tracker
-        self._tables = sight.table.arrays, sight.far.arrays[2] if sight.far else np.zeros((0, 0))
+        self._table = sight.table.arrays
         count = len(rays.ranges)
         ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
         inset, variance = sampling_inset(rays, sight)
@@ -53,8 +53,8 @@ class Measurement:
         silhouettes = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
         # A single ray does not show where an outline begins or ends.
         silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
-        rounding, across = sight.rounding_std**2, rays.across_variances
-        of_misses = MISS_STD**2 + rounding + across if sight.residual else np.full(count, np.inf)
+        across = rays.across_variances
+        of_misses = MISS_STD**2 + across if sight.residual else np.full(count, np.inf)
         self._measured = Measured(
             rays.sensor,
             rays.directions,
@@ -66,8 +66,6 @@ class Measurement:
             across,
             of_misses,
             rays.shared,
-            rounding,
-            tracker.noise_factor**2,
             tracker.shape_factor**2,
             tracker.silhouette_factor**2,
             SHARED[tracker.seen_by],
@@ -80,7 +78,7 @@ class Measurement:
         The iteration begins at `begin` (d,).
         """
         limits = self._tracker.degrees_of_freedom, self._tracker.iterations
-        return fit(mean, covariance, begin, self._measured, *self._tables, *limits)
+        return fit(mean, covariance, begin, self._measured, self._table, *limits)
 
     def update(self, predicted: State) -> Posterior:
         """The posterior of a `predicted` state, which is not changed."""

@@ -18,7 +18,6 @@ import numpy as np
 import shapely
 
 from stixel_cli.tracking.contour import ray_table
-from stixel_cli.tracking.contour.class_probabilities import CONTRADICTED
 from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
@@ -27,9 +26,6 @@ from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import OTHER
 
-FORM_ODDS = {"outline": 5.0, "rectangle": -5.0, "free": -CONTRADICTED}
-"""Log odds of a form against the class's outline, before the first scan."""
-
 FREE_STD, FREE_RESIDUAL, CORNER = 0.5, 0.1, 0.25
 """Of the free form: relative standard deviation of the length and width, standard deviation of its
 residual, m, and the radius of its corners, relative to the smaller side."""
@@ -37,9 +33,6 @@ residual, m, and the radius of its corners, relative to the smaller side."""
 EXACT_STD, FREE_EXACT_STD = 0.02, 0.05
 """How well the ranges and ends of a rectangle or of an outline that the user gives, and of the free
 form, fit, m."""
-
-SILHOUETTE_FACTOR, ROUNDING_STD = 4.0, 0.04
-"""In the place of a smaller `silhouette_factor`, and m: real edges are round."""
 
 LEAST_RADIUS = 0.02
 """Of an outline whose centre is outside of it, m."""
@@ -54,8 +47,6 @@ def forms_of(
     given = prior.outline if road_user == prior.road_user else None
     if learned and given is None and tracker.seen_by != "fabricated":
         return learned
-    factor = max(tracker.silhouette_factor, SILHOUETTE_FACTOR)
-    tracker = replace(tracker, silhouette_factor=factor)
     box = rectangle(shape)
     tables = {} if learned else {"class": (shape, sight.table)}
     tables["rectangle"] = box, _exact_table(box.outline)
@@ -64,9 +55,8 @@ def forms_of(
         exact = sight.outline or tracker.seen_by not in LEARNED
         table = _exact_table(vertices) if exact else sight_of(road_user, tracker, vertices).table
         tables = ({} if learned else tables) | {"outline": (star_of(vertices), table)}
-    sight = replace(sight, rounding_std=ROUNDING_STD)
     return learned | {
-        form: (form_shape, _of_table(sight, form_table, Residual(form_shape), tracker), tracker)
+        form: (form_shape, replace(sight, table=form_table, residual=Residual(form_shape)), tracker)
         for form, (form_shape, form_table) in tables.items()
     }
 
@@ -84,8 +74,8 @@ def free_form(
     body = shapely.box(*(radius - 0.5 * size), *(0.5 * size - radius)).buffer(radius)
     shape = star_of(shapely.get_coordinates(shapely.orient_polygons(body))[:-1])
     table = _exact_table(shape.outline, FREE_EXACT_STD)
-    sight = Sight(table, bias_per_std=0.0, std_factor=1.0, outline=True)
-    sight = _of_table(sight, table, Residual(shape, FREE_RESIDUAL), tracker)
+    residual = Residual(shape, FREE_RESIDUAL)
+    sight = Sight(table, bias_per_std=0.0, std_factor=1.0, outline=True, residual=residual)
     return replace(prior, road_user=OTHER), shape, sight, tracker
 
 
@@ -111,10 +101,3 @@ def rectangle(shape: ClassShape) -> ClassShape:
     unit = shape.outline / np.hypot(*shape.outline.T)[:, None]
     outline = unit * (0.5 / np.abs(unit / shape.size).max(axis=1))[:, None]
     return replace(shape, outline=outline, outline_stds=np.zeros(len(outline)))
-
-
-def _of_table(
-    sight: Sight, table: ray_table.RayTable, residual: Residual, tracker: ContourParameters
-) -> Sight:
-    far = None if tracker.sees == "first_surface" else ray_table.behind(table)
-    return replace(sight, table=table, residual=residual, far=far)

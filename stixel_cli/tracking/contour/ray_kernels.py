@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from stixel_cli.tracking.contour.class_shape import LEAST_COSINE
+
 CAP = 0.5
 """Of half the length or the width: a change of the size moves what is nearer to an end by as much
 as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks real cars whose front
@@ -17,9 +19,6 @@ is rounder than the class's."""
 LEAST_STEP, GREATEST_STEP = 0.02, 0.3
 LEAST_TURN, GREATEST_TURN = 0.01, 0.2
 """Bounds of the steps of the central differences, m and rad."""
-
-GREATEST_SLANT = 4.0
-"""Where a ray grazes the shape, a residual changes the range by at most so many times as much."""
 
 SIZE_STEP = 0.3
 """Greatest change of a factor of the size in one iteration, relative: slopes are local."""
@@ -55,7 +54,7 @@ def _expect(found, state, sensor, directions, table):
     for i in range(len(directions)):
         u = cosine * directions[i, 0] + sine * directions[i, 1]
         v = cosine * directions[i, 1] - sine * directions[i, 0]
-        found[0, i], low, high, place = _meet(x, y, _ray(u, v, shrink, table), table, table[2])
+        found[0, i], low, high, place = _meet(x, y, _ray(u, v, shrink, table), table)
         found[1, i], found[2, i] = -min(low, high), _between(table[3], place)
 
 
@@ -82,13 +81,10 @@ class Measured(NamedTuple):
     """(n,) m² of how far a ray passes by the shape; infinite: that says nothing."""
     moves: np.ndarray
     """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
-    rounding: float
-    """m², of the shape across the rays."""
-    noise_factor: float
     shape_factor: float
     limit_factor: float
-    """`noise_factor`, `shape_factor`, `limit_factor`: in the gain alone, on the variances of the
-    sensor's ranges, of the shape's, and of the limits."""
+    """`shape_factor`, `limit_factor`: in the gain alone, on the variances of the shape's ranges and
+    of the limits."""
     shared: float
     own: float
     """`shared`, `own`: shares of the shape's variance that neighbouring rays and scans have in
@@ -132,7 +128,6 @@ def fit(
     begin: np.ndarray,
     measured: Measured,
     table: tuple[np.ndarray, ...],
-    far: np.ndarray,
     degrees_of_freedom: float,
     iterations: int,
 ) -> Fit:
@@ -145,13 +140,13 @@ def fit(
     iterate, posterior = begin.copy(), np.array(covariance, order="C")
     prior = mean, posterior.copy(), iterate.copy(), iterate.copy()
     limits = degrees_of_freedom, iterations
-    count = _fit(rows, iterate, posterior, prior, measured, table, far, limits)
+    count = _fit(rows, iterate, posterior, prior, measured, table, limits)
     of_all = (values[:count] for values in rows[:4])
     return Fit(iterate, posterior, Rows(*of_all, *rows[4:]))
 
 
 @njit(cache=True, error_model="numpy")
-def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
+def _fit(rows, iterate, posterior, prior, measured, table, limits):
     """Write `fit` to `iterate`, `posterior` and `rows`; returns the number of rows.
 
     Their errors are independent, so they are used one after the other.
@@ -160,7 +155,7 @@ def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
     degrees_of_freedom, iterations = limits
     states, count = len(mean), 0
     for _ in range(iterations):
-        count = measure(rows, iterate, posterior, measured, table, far)
+        count = measure(rows, iterate, posterior, measured, table)
         for i in range(states):
             moved[i] = mean[i]
             for j in range(states):
@@ -248,7 +243,6 @@ def _schmidt_update(moved, spread, work, nodes, rows, covariance, measured, free
         else:
             ray, shape, own = i, rows.stds[i] ** 2, measured.variances[i]
             if i < count:
-                shape += rows.slants[i] ** 2 * measured.rounding
                 own += rows.slants[i] ** 2 * measured.across_variances[i]
                 position = rows.angles[i] / (2.0 * pi) * nodes
                 node, share = floor(position), position - floor(position)
@@ -320,7 +314,6 @@ def measure(
     covariance: np.ndarray,
     measured: Measured,
     table: tuple[np.ndarray, ...],
-    far: np.ndarray,
 ) -> int:
     """Write the `rows` at a `state` (d,) with a `covariance` (d, d); returns their number.
 
@@ -328,10 +321,9 @@ def measure(
     standard deviation. Where the outline has a residual, the variance of what they leave out is
     added to the noise: that of a parabola over one standard deviation (Nørgaard, Poulsen & Ravn
     2000, *New developments in state estimation for nonlinear systems*). The nodes of the residual
-    are the states from 7 on. Rays that may end on both sides leave them alone, as the slopes are of
-    sides that face the sensor.
+    are the states from 7 on.
     """
-    count, has_nodes, both_sides = len(measured.directions), len(state) > 7, len(far) > 0
+    count, has_nodes = len(measured.directions), len(state) > 7
     used = count + 2
     cosine, sine = cos(state[2]), sin(state[2])
     dx, dy = measured.sensor[0] - state[0], measured.sensor[1] - state[1]
@@ -346,22 +338,18 @@ def measure(
     for i in range(count):
         ahead_x, ahead_y = measured.directions[i, 0], measured.directions[i, 1]
         u, v = cosine * ahead_x + sine * ahead_y, cosine * ahead_y - sine * ahead_x
-        ray, depths = _ray(u, v, shrink, table), table[2]
-        distance, low, high, place = _meet(x, y, ray, table, depths)
-        if both_sides:
-            other = _meet(x, y, ray, table, far)[0]
-            if abs(measured.ranges[i] - other) < abs(measured.ranges[i] - distance):
-                distance, depths = other, far
+        ray = _ray(u, v, shrink, table)
+        distance, low, high, place = _meet(x, y, ray, table)
         across = ahead_y**2 * covariance[0, 0] + ahead_x**2 * covariance[1, 1]
         across -= 2.0 * ahead_x * ahead_y * covariance[0, 1]
         step = min(max(sqrt(max(across, 0.0)), LEAST_STEP), GREATEST_STEP)
         # The target moves to the left or turns, so in its frame the ray does the opposite.
-        left = _meet(x + step * v, y - step * u, ray, table, depths)[0]
-        right = _meet(x - step * v, y + step * u, ray, table, depths)[0]
+        left = _meet(x + step * v, y - step * u, ray, table)[0]
+        right = _meet(x - step * v, y + step * u, ray, table)[0]
         ray = _ray(c * u + s * v, c * v - s * u, shrink, table)
-        after, low_after, high_after, _ = _meet(c * x + s * y, c * y - s * x, ray, table, depths)
+        after, low_after, high_after, _ = _meet(c * x + s * y, c * y - s * x, ray, table)
         ray = _ray(c * u - s * v, c * v + s * u, shrink, table)
-        before, low_before, high_before, _ = _meet(c * x - s * y, c * y + s * x, ray, table, depths)
+        before, low_before, high_before, _ = _meet(c * x - s * y, c * y + s * x, ray, table)
         hit_x, hit_y = x + distance * u, y + distance * v
         angle, slant = atan2(hit_y / half_y, hit_x / half_x), (left - right) / (2.0 * step)
         # How far a change of the size moves the surface that the ray meets, along both axes.
@@ -379,14 +367,12 @@ def measure(
         )
         rows.errors[i] = measured.ranges[i] - distance
         # Where the ray grazes the shape, a small error across it is a large one of the range.
-        rows.noise[i] = slant**2 * (measured.across_variances[i] + measured.rounding)
-        rows.noise[i] += measured.noise_factor * measured.variances[i]
+        rows.noise[i] = measured.variances[i] + slant**2 * measured.across_variances[i]
         rows.noise[i] += measured.shape_factor * std**2
         if has_nodes:
             bent = (left + right - 2.0 * distance) ** 2 + (after + before - 2.0 * distance) ** 2
             rows.noise[i] += 0.5 * bent
-            if not both_sides:
-                _add_nodes(rows, i, angle, min(sqrt(1.0 + slant**2), GREATEST_SLANT), state)
+            _add_nodes(rows, i, angle, min(sqrt(1.0 + slant**2), 1.0 / LEAST_COSINE), state)
         bent = 0.5 * (low_after + low_before - 2.0 * low) ** 2
         of_low = 1.0, low, (low_before - low_after) / (2.0 * turn), bent
         bent = 0.5 * (high_after + high_before - 2.0 * high) ** 2
@@ -454,7 +440,7 @@ def _ray(u, v, shrink, table):
 
 
 @njit(cache=True, error_model="numpy")
-def _meet(x, y, ray, table, depths):
+def _meet(x, y, ray, table):
     """Range of a `ray` from (x, y) of the target's frame; how far it is inside both limits; place.
 
     The place in the table: two rows, the share of the second, a column, the share of the next.
@@ -462,7 +448,7 @@ def _meet(x, y, ray, table, depths):
     u, v, shrink_x, shrink_y, (scale, across), (a, b, f) = ray
     x, y = x * shrink_x, y * shrink_y
     offset = u * y - v * x
-    columns = depths.shape[1]
+    columns = table[2].shape[1]
     start = table[0][a] * (1.0 - f) + table[0][b] * f
     end = table[1][a] * (1.0 - f) + table[1][b] * f
     column = (offset - start) / (end - start) * (columns - 1)
@@ -470,7 +456,7 @@ def _meet(x, y, ray, table, depths):
     column = min(column, columns - 1.0) if column >= 0.0 else 0.0
     c = min(int(column), columns - 2)
     place = a, b, f, c, column - c
-    distance = (_between(depths, place) - u * x - v * y) / scale
+    distance = (_between(table[2], place) - u * x - v * y) / scale
     inside_low = (offset - _beside(table[4], place)) * across
     return distance, inside_low, (_beside(table[5], place) - offset) * across, place
 

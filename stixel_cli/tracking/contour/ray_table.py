@@ -111,13 +111,3 @@ def _table_of(content: bytes, size: tuple[int, int]) -> RayTable:
     depths = first_depths(outline, angles, offsets)
     exact = np.zeros(size[0])
     return RayTable(lowest, highest, depths, np.zeros_like(depths), low, high, exact, exact)
-
-
-def behind(table: RayTable) -> RayTable:
-    """The table of where the same rays leave the shape: as seen from the other side."""
-    half = len(table.lowest) // 2
-    lowest, highest, depths, stds, low, high, low_stds, high_stds = (
-        np.roll(values, half, axis=0) for values in table.arrays
-    )
-    seen = -depths[:, ::-1], stds[:, ::-1], -high, -low, high_stds, low_stds
-    return RayTable(-highest, -lowest, *seen)
