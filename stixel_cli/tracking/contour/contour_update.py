@@ -54,7 +54,6 @@ class Measurement:
         # A single ray does not show where an outline begins or ends.
         silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
         rounding, across = sight.rounding_std**2, rays.across_variances
-        of_misses = MISS_STD**2 + rounding + across if sight.residual else np.full(count, np.inf)
         self._measured = Measured(
             rays.sensor,
             rays.directions,
@@ -64,7 +63,7 @@ class Measurement:
             np.append(np.ones(count, bool), silhouettes),
             np.append((sight.std_factor * rays.stds) ** 2, of_ends),
             across,
-            of_misses,
+            MISS_STD**2 + rounding + across,
             rays.shared,
             rounding,
             tracker.noise_factor**2,

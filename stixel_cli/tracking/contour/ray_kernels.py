@@ -79,7 +79,7 @@ class Measured(NamedTuple):
     across_variances: np.ndarray
     """(n,) m² of the sensor across the rays."""
     miss_variances: np.ndarray
-    """(n,) m² of how far a ray passes by the shape; infinite: that says nothing."""
+    """(n,) m² of how far a ray passes by the shape."""
     moves: np.ndarray
     """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
     rounding: float
@@ -405,7 +405,7 @@ def measure(
                 if has_nodes:
                     rows.noise[row] += limit[3]
                     _add_nodes(rows, row, angle, 1.0, state)
-        if min(low, high) < 0.0 and measured.miss_variances[i] < np.inf:
+        if min(low, high) < 0.0:
             nearer = of_low if low < high else of_high
             rows.errors[used] = _fill_limit(rows.matrix[used], nearer, sides)
             rows.noise[used] = measured.shape_factor * measured.miss_variances[i]
