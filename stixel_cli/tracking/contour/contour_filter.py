@@ -16,7 +16,8 @@ sensor's variance and that of the shape, as no road user has quite the class's s
 
 The first and the last ray that meet the target give two more measurements, the silhouette: how far
 inside the limits of the visible shape they pass. Ranges hardly measure the place across the rays.
-A silhouette at the border of the field of view, or beside a nearer object, is not used.
+A silhouette at the border of the field of view, or beside a nearer object, is not used. Every ray
+with a point of the target should meet it: how far it passes by the visible shape is measured as 0.
 
 Neighbours and successive scans share the shape's error, so n points are not n independent ones.
 Large factors on the variances account for that in the gain. How certain the estimate is with this
