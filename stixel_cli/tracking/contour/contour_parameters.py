@@ -23,9 +23,11 @@ class ContourParameters:
         slip: process noise of the position, m/s^0.5: motion that is not along the heading.
         length_std, width_std: standard deviation of the factors on the class's length and width,
             relative to the prior's.
-        shape_factor: factor on the standard deviation of the visible shape. Neighbours share its
-            error, and it changes little from scan to scan; the factor stands for that.
-        silhouette_factor: factor on the standard deviation of the silhouette.
+        noise_factor: factor on the standard deviations of a point's range and of the silhouette.
+            The errors of neighbours and of successive scans are correlated, which the gain does not
+            model; a factor above 1 stands for that.
+        shape_factor: factor on the standard deviation of the visible shape, whose error changes
+            even less from scan to scan.
         silhouette_std: standard deviation of the bearing of a silhouette, degrees, beyond that of
             rendered images: a matcher moves the edges of real objects.
         degrees_of_freedom: of the Student distribution of an error.
@@ -42,8 +44,8 @@ class ContourParameters:
     slip: Annotated[float, Ge(0), Le(10)]
     length_std: Annotated[float, Gt(0), Le(1)]
     width_std: Annotated[float, Gt(0), Le(1)]
+    noise_factor: Annotated[float, Gt(0), Le(100)]
     shape_factor: Annotated[float, Ge(0.1), Le(100)]
-    silhouette_factor: Annotated[float, Ge(0.1), Le(100)]
     silhouette_std: Annotated[float, Ge(0), Le(10)]
     degrees_of_freedom: Annotated[float, Gt(0), Le(1000)]
     iterations: Annotated[int, Ge(1), Le(50)]

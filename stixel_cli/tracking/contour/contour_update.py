@@ -60,8 +60,8 @@ class Measurement:
             np.append((sight.std_factor * rays.stds) ** 2, of_ends),
             rays.across_variances,
             rays.shared,
+            tracker.noise_factor**2,
             tracker.shape_factor**2,
-            tracker.silhouette_factor**2,
             SHARED[tracker.seen_by],
             FINE,
         )

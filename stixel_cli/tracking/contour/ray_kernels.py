@@ -82,10 +82,10 @@ class Measured(NamedTuple):
     """(n,) m² of the sensor across the rays."""
     moves: np.ndarray
     """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
+    noise_factor: float
     shape_factor: float
-    limit_factor: float
-    """`shape_factor`, `limit_factor`: in the gain alone, on the variances of the shape's ranges and
-    of the limits."""
+    """`noise_factor`, `shape_factor`: in the gain alone, on the variances of the sensor's ranges and
+    of the limits, and of the shape's ranges."""
     shared: float
     own: float
     """`shared`, `own`: shares of the shape's variance that neighbouring rays and scans have in
@@ -368,7 +368,8 @@ def measure(
         )
         rows.errors[i] = measured.ranges[i] - distance
         # Where the ray grazes the shape, a small error across it is a large one of the range.
-        rows.noise[i] = measured.variances[i] + slant**2 * measured.across_variances[i]
+        rows.noise[i] = slant**2 * measured.across_variances[i]
+        rows.noise[i] += measured.noise_factor * measured.variances[i]
         rows.noise[i] += measured.shape_factor * std**2
         if has_nodes:
             bent = (left + right - 2.0 * distance) ** 2 + (after + before - 2.0 * distance) ** 2
@@ -386,7 +387,7 @@ def measure(
                 inside = _fill_limit(rows.matrix[row], limit, sides)
                 rows.stds[row], rows.errors[row] = std, inside - measured.inset
                 # What is not measured has no precision.
-                rows.noise[row] = measured.limit_factor * (measured.variances[row] + std**2)
+                rows.noise[row] = measured.noise_factor * (measured.variances[row] + std**2)
                 if not measured.used[row]:
                     rows.noise[row] = np.inf
                 if has_nodes:
