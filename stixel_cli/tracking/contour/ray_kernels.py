@@ -84,8 +84,8 @@ class Measured(NamedTuple):
     """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
     noise_factor: float
     shape_factor: float
-    """`noise_factor`, `shape_factor`: in the gain alone, on the variances of the sensor's ranges and
-    of the limits, and of the shape's ranges."""
+    """`noise_factor`, `shape_factor`: in the gain alone, on the variances of the sensor's ranges
+    and of the limits, and of the shape's ranges."""
     shared: float
     own: float
     """`shared`, `own`: shares of the shape's variance that neighbouring rays and scans have in
