@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_784
+TOTAL = 45_781
 """Greatest number of lines in all."""
 
 MODULES = 248
@@ -32,7 +32,7 @@ BUDGET = {
     "geometry": 417,
     "live": 618,
     "machine": 187,
-    "measurements": 1919,
+    "measurements": 1921,
     "pictures": 1355,
     "recordings": 2617,
     "rendering": 2118,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2065,
     "studies": 1644,
     "sweeps": 1999,
-    "tracking": 6685,
+    "tracking": 6680,
     "validation": 1103,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

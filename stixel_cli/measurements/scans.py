@@ -210,6 +210,8 @@ class Scans:
 
         The sensor moves as since the scan before; at the first scan it stands still.
         """
+        if not self.shared_errors.count:
+            return np.zeros((len(points_world), 2, 0))
         before, poses = max(k - 1, 0), self.sensor_poses_world
         rates = pose_rates(poses[before], poses[k], self.times[k] - self.times[before])
         return self.shared_errors.directions(points_world, poses[k], rates)

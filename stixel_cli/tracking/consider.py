@@ -30,16 +30,16 @@ class JointCovariance:
         size: d.
     """
 
-    def __init__(self, covariance: np.ndarray, memories: np.ndarray):
-        """From the covariance (d, d) of the states, and the `memories` (m,) of the others, s.
+    def __init__(self, covariance: np.ndarray, memories: np.ndarray, fading: int = 0):
+        """From the covariance (d, d) of the states, and the `memories` (fading + m,), s.
 
-        A considered error is correlated with itself by e⁻¹ after its memory; with an infinite one
-        it stays the same.
+        They are those of so many last states that are `fading`, and of the considered errors. An
+        error is correlated with itself by e⁻¹ after its memory; with an infinite one it stays.
         """
         self.size = len(covariance)
-        self.matrix = np.eye(self.size + len(memories))
+        self.matrix = np.eye(self.size + len(memories) - fading)
         self.matrix[: self.size, : self.size] = covariance
-        self._memories = memories
+        self._memories, self._initial = memories, self.matrix.copy()
 
     def copy(self) -> "JointCovariance":
         """Another one, which changes alone."""
@@ -48,30 +48,24 @@ class JointCovariance:
         return other
 
     def predict(self, transition: np.ndarray, noise: np.ndarray, interval: float) -> None:
-        """One `interval` in s later, with `transition` and `noise` (d, d) of the states.
+        """One `interval` in s later, with `transition` and `noise` of the states that do not fade.
 
-        A `transition` (d, d + m) says what the considered errors do to the states, too.
+        A `transition` with d + m columns says what the considered errors do to the states, too.
         """
-        states, before = slice(0, self.size), slice(0, transition.shape[1])
+        states, before = slice(0, len(transition)), slice(0, transition.shape[1])
         self.matrix[states] = transition @ self.matrix[before]
         self.matrix[:, states] = self.matrix[:, before] @ transition.T
         self.matrix[states, states] += noise
-        kept = np.concatenate([np.ones(self.size), np.exp(-interval / self._memories)])
-        self.matrix *= kept[:, None] * kept
-        self.matrix.flat[:: len(kept) + 1] += 1.0 - kept**2
+        lasting = np.ones(len(self.matrix) - len(self._memories))
+        kept = np.concatenate([lasting, np.exp(-interval / self._memories)])
+        kept = kept[:, None] * kept
+        self.matrix = kept * self.matrix + (1.0 - kept) * self._initial
 
-    def correct(self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray) -> None:
-        """After an update by `gain` (d, n).
-
-        `rows` (n, d + m) are A, `noise` (n,) the variances of independent errors.
-        """
-        self.absorb(gain @ rows, (gain * noise) @ gain.T)
-
-    def absorb(self, moved: np.ndarray, spread: np.ndarray) -> None:
-        """After an update with K A (d, d + m) and K R Kᵀ (d, d)."""
+    def correct(self, gain: np.ndarray, rows: np.ndarray, spread: np.ndarray) -> None:
+        """After an update by `gain` (d, n) with `rows` A (n, d + m); the `spread` is K R Kᵀ."""
         # Factor by factor and symmetric: the sum of the three terms loses its definiteness.
-        self.matrix[: self.size] -= moved @ self.matrix
-        self.matrix[:, : self.size] -= self.matrix @ moved.T
+        self.matrix[: self.size] -= gain @ (rows @ self.matrix)
+        self.matrix[:, : self.size] -= (self.matrix @ rows.T) @ gain.T
         self.matrix[: self.size, : self.size] += spread
         self.matrix = 0.5 * (self.matrix + self.matrix.T)
 
@@ -89,4 +83,4 @@ def node_weights(angles: np.ndarray) -> np.ndarray:
 def field_weights(angles: np.ndarray) -> np.ndarray:
     """`node_weights` (n, 16) of unit norm, as the field's nodes have unit variance."""
     weights = node_weights(angles)
-    return weights / np.sqrt((weights**2).sum(axis=1))[:, None]
+    return weights / np.sqrt(np.einsum("ij,ij->i", weights, weights))[:, None]

@@ -17,7 +17,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate, contour_moments
-from stixel_cli.tracking.gp_ekf_update import SEEN, fill_pose_columns, linearise, update
+from stixel_cli.tracking.gp_ekf_update import linearise, pose_derivatives, update
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Filtered, Scan
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
@@ -102,7 +102,9 @@ def track(
         from stixel_cli.tracking.one_side import OneSide
 
         side = OneSide(prior, tracker.seen_by, process, scans)
-        stated = StatedCovariance(initial.covariance, process.covariance, side)
+        stated = StatedCovariance(
+            initial.covariance, process.covariance, tracker.forgetting_rate, side
+        )
     radii = prior_radii(prior, process.basis_angles) if side is None else side.radii
     mean = np.concatenate([initial.mean, radii])
     covariance = block_diag(initial.covariance, process.covariance)
@@ -123,12 +125,12 @@ def track(
             mean, covariance, interval, noise, forgetting, process
         )
         if stated:
-            stated.predict(transition, noise, interval)
+            stated.predict(noise, interval)
         if tracker.slip is not None:
             before = mean
             mean, covariance, gain = motion.tied_to_velocity(mean, covariance, tracker.slip)
             if stated:
-                stated.tie(gain, before, tracker.slip)
+                stated.correct_by_one(gain, motion.velocity_across(before)[1], tracker.slip)
         mean, covariance, indices, nis = _updated(
             (mean, covariance), scan, process, (side, stated), tracker
         )
@@ -178,8 +180,8 @@ def _updated(
     taken = rays.subset(indices)
     moved = side.between_ends(taken, mean, covariance)
     if moved is not None:
-        mean = moved[0]
-        stated.between_ends(*moved[1:])
+        mean, *ends = moved
+        stated.correct_by_one(*ends)
     model = side.linearised(taken, mean, stated.position)
     matrix, variances = stated.rows(model, taken, shape_stds[indices], mean)
     mean, covariance, gain, _ = update(mean, covariance, model, variance, tangential=False)
@@ -201,16 +203,15 @@ def contours_of(
     # The points are at the same angles of the target's frame in each scan.
     correlations = process.correlations(unit)
     matrix, variances = process.regression(correlations)
-    deviations = means[:, 2 * SEEN :] - process.mean_radius
-    radii = np.maximum(process.mean_radius + deviations @ matrix.T, 0.0)
+    radii, slopes = process.radius(unit, correlations, means[:, 6:])
+    radii = np.maximum(radii, 0.0)
     contours = means[:, None, :2] + radii[..., None] * directions
-    slopes = process.slope(unit, correlations, deviations)
-    rows, spread = np.empty((points, SEEN + matrix.shape[1])), np.empty(radii.shape)
-    rows[:, SEEN:] = matrix
-    chosen = np.r_[:SEEN, 2 * SEEN : means.shape[1]]
+    by_pose = pose_derivatives(directions, np.maximum(radii, NO_DIRECTION), slopes)
+    rows, spread = np.zeros((points, means.shape[1])), np.empty(radii.shape)
+    rows[:, 6:] = matrix
     for k, covariance in enumerate(covariances):
-        fill_pose_columns(rows, directions[k], np.maximum(radii[k], NO_DIRECTION), slopes[k])
-        spread[k] = ((rows @ covariance[np.ix_(chosen, chosen)]) * rows).sum(axis=1)
+        rows[:, :3] = by_pose[k]
+        spread[k] = np.einsum("ij,ij->i", rows @ covariance, rows)
     return contours, directions, np.sqrt(np.maximum(spread, 0.0) + variances)
 
 
@@ -223,7 +224,7 @@ def _associated(
 ) -> np.ndarray:
     """Indices of the points in the gate round the predicted contour that have a direction."""
     turn = rotation(mean[2])
-    centroid, extent = contour_moments(process.basis_directions, mean[2 * SEEN :])
+    centroid, extent = contour_moments(process.basis_directions, mean[6:])
     indices = associate(
         points_world,
         mean[:2] + turn @ centroid,

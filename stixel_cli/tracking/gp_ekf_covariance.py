@@ -15,21 +15,26 @@ from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, fie
 from stixel_cli.tracking.contour.contour_rays import Rays
 from stixel_cli.tracking.gp_ekf_update import Linearisation
 from stixel_cli.tracking.kalman import normalised_innovation_squared
-from stixel_cli.tracking.motion import velocity_across
-from stixel_cli.tracking.one_side import END_STD, OneSide
+from stixel_cli.tracking.motion import transition
+from stixel_cli.tracking.one_side import OneSide
 
 
 class StatedCovariance:
     """The joint covariance of the state of `gp_ekf` and of the errors that it considers."""
 
-    def __init__(self, initial: np.ndarray, radii: np.ndarray, side: OneSide):
-        """From the covariances (6, 6) of the start and (N, N) of radii of an unknown class."""
-        self._radii = radii if side.radii_covariance is None else side.radii_covariance
+    def __init__(
+        self, initial: np.ndarray, radii: np.ndarray, forgetting_rate: float, side: OneSide
+    ):
+        """From the covariances (6, 6) of the start and (N, N) of radii of an unknown class.
+
+        Radii that are not seen are forgotten at the `forgetting_rate`, 1/s.
+        """
+        radii = radii if side.radii_covariance is None else side.radii_covariance
         self._limbs, self._side = side.limbs, side
-        count = len(self._limbs)
-        memories = np.full(count + NODES + side.shared_errors, np.inf)
-        memories[: count + NODES] = FIELD_TIME
-        self._joint = JointCovariance(block_diag(initial, self._radii), memories)
+        memory = 1.0 / forgetting_rate if forgetting_rate else np.inf
+        of_radii, of_shape = [memory] * len(radii), [FIELD_TIME] * (len(side.limbs) + NODES)
+        memories = np.array(of_radii + of_shape + [np.inf] * side.shared_errors)
+        self._joint = JointCovariance(block_diag(initial, radii), memories, len(radii))
 
     @property
     def reported(self) -> np.ndarray:
@@ -37,30 +42,26 @@ class StatedCovariance:
         size, limbs = self._joint.size, slice(self._joint.size, self._joint.size + len(self._limbs))
         matrix = self._joint.matrix
         reported = matrix[:size, :size].copy()
+        if not len(self._limbs):
+            return reported
         cross = matrix[:size, limbs] @ self._limbs
         reported[:, 6:] += cross
         reported[6:] += cross.T
         reported[6:, 6:] += self._limbs.T @ matrix[limbs, limbs] @ self._limbs
         return 0.5 * (reported + reported.T)
 
-    def predict(self, transition: np.ndarray, noise: np.ndarray, interval: float) -> None:
-        """One `interval` in s later; `transition` (6 + N, 6 + N), `noise` (6, 6) of the pose."""
-        all_noise = np.zeros_like(transition)
-        all_noise[:6, :6] = noise
-        all_noise[6:, 6:] = (1.0 - transition[-1, -1] ** 2) * self._radii
-        self._joint.predict(transition, all_noise, interval)
+    def predict(self, noise: np.ndarray, interval: float) -> None:
+        """One `interval` in s later; `noise` (6, 6) of pose and rates."""
+        self._joint.predict(transition(interval), noise, interval)
 
-    def tie(self, gain: np.ndarray, mean: np.ndarray, slip: float) -> None:
-        """After `gain` (6 + N,) drew heading and velocity of the `mean` (6 + N,) together."""
-        rows = np.zeros((1, len(self._joint.matrix)))
-        rows[0, : len(mean)] = velocity_across(mean)[1]
-        self._joint.correct(gain[:, None], rows, np.array([slip**2]))
+    def correct_by_one(self, gain: np.ndarray, row: np.ndarray, std: float) -> None:
+        """After `gain` (6 + N,) used one scalar of this `std`.
 
-    def between_ends(self, gain: np.ndarray, row: np.ndarray) -> None:
-        """After `gain` (6 + N,) took the ends, whose derivative is the `row` (6 + N + L,)."""
+        Its derivatives are the `row` (6 + N,), or (6 + N + L,) with those by the limbs.
+        """
         rows = np.zeros((1, len(self._joint.matrix)))
         rows[0, : len(row)] = row
-        self._joint.correct(gain[:, None], rows, np.array([END_STD**2]))
+        self._joint.correct(gain[:, None], rows, np.outer(std**2 * gain, gain))
 
     @property
     def position(self) -> np.ndarray:
@@ -77,28 +78,27 @@ class StatedCovariance:
         """
         gradients = model.gradients
         along = (gradients * rays.directions).sum(axis=1)
-        across = (gradients * rays.normals).sum(axis=1)
-        own = (self._side.std_factor * rays.stds * along) ** 2 + across**2 * rays.across_variances
+        squares = (gradients**2).sum(axis=1)
+        own = (self._side.std_factor * rays.stds * along) ** 2
+        own += (squares - along**2) * rays.across_variances
         directions = model.directions @ rotation(mean[2])
         angles = np.arctan2(directions[:, 1], directions[:, 0])
-        limbs = [
-            np.interp(angles, self._side.basis_angles, limb, period=2.0 * np.pi)
-            for limb in self._limbs
-        ]
+        limbs = [self._side.between(angles, limb) for limb in self._limbs]
         # Of what the process leaves out, neighbours share a part as large as each point's own.
-        rough = self._side.roughness**2 * (gradients**2).sum(axis=1)
+        rough = self._side.roughness**2 * squares
         field = np.copysign(np.sqrt(rough + (shape_stds * along) ** 2), along)
         considered = [
             np.reshape(limbs, (len(limbs), len(angles))).T,
             field[:, None] * field_weights(angles),
             np.einsum("ni,nij->nj", gradients, rays.shared),
         ]
-        return np.hstack([model.state_matrix, *considered]), own + rough + model.radius_variances
+        matrix, radius_variances = model.rows
+        return np.hstack([matrix, *considered]), own + rough + radius_variances
 
     def correct(
         self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray, residuals: np.ndarray
     ) -> float:
         """After the update by `gain` (6 + N, n); returns the NIS of its `residuals` (n,)."""
         nis = normalised_innovation_squared(self._joint.matrix, rows, noise, residuals)
-        self._joint.correct(gain, rows, noise)
+        self._joint.correct(gain, rows, (gain * noise) @ gain.T)
         return nis

@@ -12,15 +12,13 @@ an innovation that is zero by construction and measures nothing; [GP] and the th
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess
-
-SEEN = 3
-"""The first states, the pose, are seen by a point; then come three rates, which are not."""
 
 
 @dataclass(frozen=True)
@@ -29,17 +27,15 @@ class Linearisation:
 
     directions: np.ndarray
     """(n, 2) unit vectors p from the centre to the points, world frame."""
+    distances: np.ndarray
+    """(n,) m, r."""
     residuals: np.ndarray
     """(n,) m, r - f, along p."""
-    radial_matrix: np.ndarray
-    """(n, 3 + N) derivatives of the radial component of h by x, y, heading and the radii."""
-    tangential_slopes: np.ndarray
-    """(n,) 1 - f / r: the tangential component's derivative by x^c is this times t = (-p_y,
-    p_x)."""
-    radius_variances: np.ndarray
-    """(n,) R^f in m²."""
-    turns: np.ndarray
-    """(n,) f' / r, the slope of the radius over the point's distance, 1/rad."""
+    pose_matrix: np.ndarray
+    """(n, 3) derivatives of the radial component of h by x, y and heading."""
+    process: ContourProcess
+    correlations: np.ndarray
+    """(n, N) of the points' directions in the target's frame with those of the `process`."""
 
     @property
     def gradients(self) -> np.ndarray:
@@ -47,16 +43,20 @@ class Linearisation:
 
         The innovation of a point z is v = ‖z - x^c‖ - f(∠(z - x^c) - psi), a scalar.
         """
-        px, py = self.directions.T
-        return self.directions - self.turns[:, None] * np.stack([-py, px], axis=-1)
+        return self.pose_matrix[:, :2]
 
     @property
-    def state_matrix(self) -> np.ndarray:
-        """H (n, 6 + N): `radial_matrix` with columns of zeros for the rates."""
-        matrix = np.zeros((len(self.residuals), self.radial_matrix.shape[1] + SEEN))
-        matrix[:, :SEEN] = self.radial_matrix[:, :SEEN]
-        matrix[:, 2 * SEEN :] = self.radial_matrix[:, SEEN:]
-        return matrix
+    def tangential_slopes(self) -> np.ndarray:
+        """(n,) 1 - f / r: the tangential component's derivative by x^c is this times t = (-p_y,
+        p_x)."""
+        return self.residuals / self.distances
+
+    @cached_property
+    def rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """H (n, 6 + N), the derivatives of the radial component of h, and R^f (n,) in m²."""
+        regression, variances = self.process.regression(self.correlations)
+        rates = np.zeros_like(self.pose_matrix)
+        return np.hstack([self.pose_matrix, rates, regression]), variances
 
 
 def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProcess) -> Linearisation:
@@ -64,25 +64,16 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
 
     No point may coincide with the centre.
     """
-    deviations = mean[2 * SEEN :] - process.mean_radius
     offsets = points_world - mean[:2]
     distances = np.hypot(offsets[:, 0], offsets[:, 1])
     directions = offsets / distances[:, None]
     # u = θ - ψ as a direction: no angle is needed.
     directions_target = directions @ rotation(mean[2])
     correlations = process.correlations(directions_target)
-    matrix = np.empty((len(points_world), SEEN + len(deviations)))
-    _, variances = process.regression(correlations, out=matrix[:, SEEN:])
-    expected = process.mean_radius + matrix[:, SEEN:] @ deviations
-    slopes = process.slope(directions_target, correlations, deviations)
-    fill_pose_columns(matrix, directions, distances, slopes)
+    radii, slopes = process.radius(directions_target, correlations, mean[6:])
+    pose_matrix = pose_derivatives(directions, distances, slopes)
     return Linearisation(
-        directions=directions,
-        residuals=distances - expected,
-        radial_matrix=matrix,
-        tangential_slopes=1.0 - expected / distances,
-        radius_variances=variances,
-        turns=slopes / distances,
+        directions, distances, distances - radii, pose_matrix, process, correlations
     )
 
 
@@ -100,8 +91,8 @@ def update(
     count, as in [GP]. The gain (6 + N, n) is that of the radial residuals.
     """
     own = np.full(len(model.residuals), variance)
-    matrix, noise, innovation = model.state_matrix, own + model.radius_variances, model.residuals
-    radial = len(own)
+    (matrix, variances), innovation = model.rows, model.residuals
+    noise, radial = own + variances, len(own)
     if tangential:
         rows = np.zeros_like(matrix)
         rows[:, 0] = -model.directions[:, 1] * model.tangential_slopes
@@ -113,16 +104,17 @@ def update(
     return mean + correction, posterior, gain, nis
 
 
-def fill_pose_columns(
-    matrix: np.ndarray, directions: np.ndarray, distances: np.ndarray, slopes: np.ndarray
-) -> None:
-    """Write the derivatives by x, y and heading into the first columns of `matrix` (…, n, 3 + N).
+def pose_derivatives(
+    directions: np.ndarray, distances: np.ndarray, slopes: np.ndarray
+) -> np.ndarray:
+    """Derivatives (…, n, 3) of the radial component of h by x, y and heading; thesis (77).
 
     Of points at `distances` (…, n) m from the centre in `directions` (…, n, 2), where the slope of
-    the radius is `slopes` (…, n) m/rad; thesis (77).
+    the radius is `slopes` (…, n) m/rad.
     """
-    turn = slopes / distances
+    turn, matrix = slopes / distances, np.empty((*slopes.shape, 3))
     # dθ/dw = (delta_y, -delta_x) / r² = (p_y, -p_x) / r
-    np.add(directions[..., 0], turn * directions[..., 1], out=matrix[..., 0])
-    np.subtract(directions[..., 1], turn * directions[..., 0], out=matrix[..., 1])
-    np.negative(slopes, out=matrix[..., 2])
+    matrix[..., 0] = directions[..., 0] + turn * directions[..., 1]
+    matrix[..., 1] = directions[..., 1] - turn * directions[..., 0]
+    matrix[..., 2] = -slopes
+    return matrix

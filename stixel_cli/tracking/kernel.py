@@ -72,6 +72,13 @@ class ContourProcess:
         return 0.5 * (inverse + inverse.T)
 
     @cached_property
+    def _harmonics(self) -> np.ndarray:
+        """(3, N) constant, cosine and sine at the basis angles, by the scales in `radius`."""
+        slope = (self.sigma_f / self.length_scale) ** 2
+        cosines, sines = slope * self.basis_directions.T
+        return np.stack([np.full(self.basis_points, self.sigma_f**2), cosines, sines])
+
+    @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
         return self.sigma_f**2 * self.inverse, self.sigma_r**2 * self.inverse.sum(axis=0)
 
@@ -85,16 +92,14 @@ class ContourProcess:
         exponent -= 1.0 / self.length_scale**2
         return np.exp(exponent, out=exponent)
 
-    def regression(
-        self, correlations: np.ndarray, out: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def regression(self, correlations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """H^f(u), shape (n, N), and R^f(u), shape (n,) in m²; thesis (58).
 
         H^f = k(u, u^f) K⁻¹ and R^f = k(u, u) - k(u, u^f) K⁻¹ k(u^f, u), from the `correlations`
-        (n, N) of the directions. `out` (n, N) takes H^f.
+        (n, N) of the directions.
         """
         weights, offset = self._weights
-        matrix = np.matmul(correlations, weights, out=out)
+        matrix = correlations @ weights
         matrix += offset
         explained = self.sigma_f**2 * np.einsum("ij,ij->i", correlations, matrix)
         explained += self.sigma_r**2 * (matrix @ np.ones(matrix.shape[1]))
@@ -102,23 +107,18 @@ class ContourProcess:
         variance = np.maximum(self.sigma_f**2 + self.sigma_r**2 - explained, 0.0)
         return matrix, variance
 
-    def slope(
+    def radius(
         self, directions: np.ndarray, correlations: np.ndarray, radii: np.ndarray
-    ) -> np.ndarray:
-        """(∂H^f / ∂u) x^f, (…, n) in m/rad, for the basis points' `radii` (…, N) m; thesis (77i).
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """f = H^f x^f (…, n) m and its slope (∂H^f / ∂u) x^f (…, n) m/rad; thesis (58), (77i).
 
-        With a mean function they are the differences from it. `correlations` (n, N) are those of
-        `directions` (n, 2).
-
-        sin(u - u_i) = sin u cos u_i - cos u sin u_i, so no second kernel matrix is needed.
+        For the `radii` (…, N) m of the basis points. `correlations` (n, N) are those of
+        `directions` (n, 2). As sin(u - u_i) = sin u cos u_i - cos u sin u_i, no second kernel
+        matrix is needed.
         """
         # The inverse is symmetric.
-        weighted = self.basis_directions * (radii @ self.inverse)[..., None]
-        sums = correlations @ weighted
-        cross = directions[:, 1] * sums[..., 0] - directions[:, 0] * sums[..., 1]
-        return -((self.sigma_f / self.length_scale) ** 2) * cross
-
-    def at(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """H^f (n, N) and R^f (n,) in m² at `angles` (n,) rad."""
-        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        return self.regression(self.correlations(directions))
+        coefficients = (radii - self.mean_radius) @ self.inverse
+        sums = (coefficients[..., None, :] * self._harmonics) @ correlations.T
+        mean = self.mean_radius + self.sigma_r**2 * coefficients.sum(axis=-1, keepdims=True)
+        slope = directions[:, 0] * sums[..., 2, :] - directions[:, 1] * sums[..., 1, :]
+        return mean + sums[..., 0, :], slope

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
@@ -26,7 +27,7 @@ from stixel_cli.tracking.contour.class_shape import (
 from stixel_cli.tracking.contour.contour_rays import FACES, Rays, at_heights, rays_of, segments
 from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import outline_table
-from stixel_cli.tracking.gp_ekf_update import SEEN, Linearisation, linearise
+from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Scan
@@ -123,10 +124,10 @@ class OneSide:
         shared = self._scans.shared_directions(scan.k, scan.points)
         rays = rays_of(*seen, sensor, self._scans.field_of_view, shared, scan.heights)
         spread = np.sqrt(max(np.trace(position), 0.0))
-        others = self._background.others(rays, mean[:2], mean[2 * SEEN :].max(), spread)
+        others = self._background.others(rays, mean[:2], mean[6:].max(), spread)
         rays, stds = replace(rays, others=others), np.zeros(len(scan.points))
         if self._tables is not None and len(scan.points):
-            state = np.concatenate([mean[:SEEN], self._factors])
+            state = np.concatenate([mean[:3], self._factors])
             rays = at_heights(rays, state, self._tables[0], self._insets)
             visible, outline = (
                 expected(state, sensor, rays.directions, table.arrays) for table in self._tables
@@ -154,36 +155,37 @@ class OneSide:
         model = linearise(rays.points_world[candidates], mean, self._process)
         weights = 1.0 / (1.0 + (model.residuals / TAIL) ** 2)
         main = labels == np.bincount(labels, weights).argmax()
-        slopes = model.radial_matrix[:, :SEEN]
-        residuals = model.residuals
-        loose = LOOSE * covariance[:SEEN, :SEEN]
+        slopes, residuals = model.pose_matrix[main], model.residuals[main]
+        loose, placed = LOOSE * covariance[:3, :3], residuals
         for _ in range(2):
             # The noise of a Cauchy distribution, at the last residuals.
-            noise = PLACING_STD**2 * (1.0 + (residuals[main] / TAIL) ** 2)
-            step, posterior, _ = correct(loose, slopes[main], noise, model.residuals[main])
-            residuals = model.residuals - slopes @ step
-        variances = ((slopes @ posterior) * slopes).sum(axis=1)
+            noise = PLACING_STD**2 * (1.0 + (placed / TAIL) ** 2)
+            step, posterior, _ = correct(loose, slopes, noise, residuals)
+            placed = residuals - slopes @ step
+        residuals = model.residuals - model.pose_matrix @ step
+        variances = ((model.pose_matrix @ posterior) * model.pose_matrix).sum(axis=1)
         stds = np.sqrt(np.maximum(variances, 0.0))
         reach = np.where(main, REACH + stds, REACH_BESIDE)
         inside = (residuals < reach) & (residuals > -2.0 * reach)
         if self._known:
-            placed = mean[:SEEN] + step
-            inside &= self._outside(rays.points_world[candidates], placed) < OUTSIDE
+            inside &= self._outside(rays.points_world[candidates], mean[:3] + step) < OUTSIDE
         return candidates[inside]
 
     def _outside(self, points_world: np.ndarray, pose: np.ndarray) -> np.ndarray:
         """How far points (n, 2) m are outside the class's outline at a `pose` (3,), m."""
         offsets = points_world - pose[:2]
         angles = np.arctan2(offsets[:, 1], offsets[:, 0]) - pose[2]
-        basis = self._process.basis_angles
-        return np.hypot(*offsets.T) - np.interp(angles, basis, self.radii, period=2.0 * np.pi)
+        return np.hypot(*offsets.T) - self.between(angles, self.radii)
 
-    def _contour(self, rays: Rays, mean: np.ndarray) -> np.ndarray:
-        """The contour of the `mean` along and to the left of m rays: (2, m, N) m."""
-        radii = np.maximum(mean[2 * SEEN :], 0.0)
-        contour = (radii[:, None] * self._process.basis_directions) @ rotation(mean[2]).T
-        contour += mean[:2] - rays.sensor[:2]
-        return np.stack([rays.directions, rays.normals]) @ contour.T
+    def between(self, angles: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """`values` (N,) at the basis angles, at `angles` (n,) rad: linear between."""
+        around = np.append(self.basis_angles, 2.0 * np.pi)
+        return np.interp(angles % (2.0 * np.pi), around, np.append(values, values[0]))
+
+    def _arms(self, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The radii (N,) m of the contour of a `mean`, and their directions (N, 2) in the world."""
+        radial = self._process.basis_directions @ rotation(mean[2]).T
+        return np.maximum(mean[6:], 0.0), radial
 
     def linearised(self, rays: Rays, mean: np.ndarray, position: np.ndarray) -> Linearisation:
         """The model of the points of `rays`, at the places where they most likely were.
@@ -193,13 +195,11 @@ class OneSide:
         where its ray meets the contour, by the point's variance and that of the `position` (2, 2)
         m² along the ray; the residual is that of the point, linear from there.
         """
-        along, across = self._contour(rays, mean)
-        after = np.roll(across, -1, axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            crossing = along + across / (across - after) * (np.roll(along, -1, axis=1) - along)
-        ranges = np.where((across < 0.0) != (after < 0.0), crossing, np.inf).min(axis=1)
+        radii, radial = self._arms(mean)
+        contour = mean[:2] + radii[:, None] * radial
+        ranges = first_hits(contour, rays.sensor[:2], rays.directions)
         directions, variances = rays.directions, (self.std_factor * rays.stds) ** 2
-        of_position = np.einsum("ni,ij,nj->n", directions, position, directions)
+        of_position = ((directions @ position) * directions).sum(axis=1)
         share = variances / (variances + of_position)
         behind = np.where(np.isfinite(ranges), ranges, rays.ranges) - rays.ranges
         moved = (share * behind)[:, None] * directions
@@ -208,43 +208,43 @@ class OneSide:
 
     def between_ends(
         self, rays: Rays, mean: np.ndarray, covariance: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float] | None:
         """The `mean` (6 + N,), moved across the rays so that its ends are those of the points.
 
-        With the gain (6 + N,), and the derivative (6 + N + L,) of the mean of the ends by the
-        states and the limbs. Ranges hardly measure the place across the rays, and the slope of a
-        narrow target's radius holds for a few degrees only. An end at the border of the field of
-        view, or beside a nearer object, is not used; None: neither is.
+        With the gain (6 + N,), the derivative (6 + N + L,) of the mean of the ends by the states
+        and the limbs, and its standard deviation, m. Ranges hardly measure the place across the
+        rays, and the slope of a narrow target's radius holds for a few degrees only. An end at the
+        border of the field of view, or beside a nearer object, is not used; None: neither is.
         """
-        ends = np.array([np.argmin(rays.bearings), np.argmax(rays.bearings)])
+        ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
         seen = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
         seen &= ~np.array(rays.hidden)
         if len(rays.ranges) < 2 or not seen.any():
             return None
-        direction = rays.directions.mean(axis=0)
+        direction = rays.directions.sum(axis=0)
         direction /= np.hypot(*direction)
-        normal = np.array([-direction[1], direction[0]])
-        radial = self._process.basis_directions @ rotation(mean[2]).T
-        radii = np.maximum(mean[2 * SEEN :], 0.0)
+        frame = np.array([direction, [-direction[1], direction[0]]])
+        radii, radial = self._arms(mean)
         offsets = mean[:2] - rays.sensor[:2] + radii[:, None] * radial
-        places = (offsets @ normal) / (offsets @ direction)
-        of_points = rays.directions[ends] @ normal / (rays.directions[ends] @ direction)
-        corners = np.array([np.argmin(places), np.argmax(places)])[seen]
-        apart = (of_points[seen] - places[corners]) * (offsets[corners] @ direction)
+        ahead, beside = frame @ offsets.T
+        places = beside / ahead
+        far, aside = frame @ rays.directions[ends].T
+        corners = np.array([places.argmin(), places.argmax()])[seen]
+        apart = ((aside / far)[seen] - places[corners]) * ahead[corners]
         share = 1.0 / len(corners)
         # What moves an end by 1 m: across its ray, which is not quite across the others.
-        across = normal - places[corners][:, None] * direction
-        turned = np.stack([-radial[corners, 1], radial[corners, 0]], axis=-1)
+        across = frame[1] - places[corners][:, None] * frame[0]
+        turned = radial[corners][:, ::-1] * [-1.0, 1.0]
         row = np.zeros(len(mean) + len(self.limbs))
         row[:2] = across.mean(axis=0)
         row[2] = share * (radii[corners, None] * turned * across).sum()
         by_radii = share * (radial[corners] * across).sum(axis=1)
-        np.add.at(row, 2 * SEEN + corners, by_radii)
+        np.add.at(row, 6 + corners, by_radii)
         row[len(mean) :] = self.limbs[:, corners] @ by_radii
         # As if only the place were wrong: the ends do not tell a turn from a shift.
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + END_STD**2)
-        return mean + gain * apart.mean(), gain, row
+        return mean + gain * apart.mean(), gain, row, END_STD
 
 
 def size_slopes(outline: np.ndarray) -> np.ndarray:

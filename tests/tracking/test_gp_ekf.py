@@ -12,7 +12,6 @@ from scipy.stats import chi2
 from tracking_cases import CAR, START, TRACKER, jacobian, poses_of_turn, scans_of, seen_car
 
 from stixel_cli.geometry.pose import rotation, world_from_target
-from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.gp_ekf import contours_of, track
 from stixel_cli.tracking.gp_ekf_update import linearise, update
@@ -22,6 +21,12 @@ from stixel_cli.tracking.track import InitialState
 
 SEEDS = st.integers(0, 2**31)
 PROCESS = ContourProcess(16, 0.5, 1.0, 0.5, 1e-6)
+
+
+def regression_at(process, angles):
+    """H^f and R^f at angles."""
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return process.regression(process.correlations(directions))
 
 
 def some_state(random, process=PROCESS):
@@ -41,11 +46,11 @@ def dense_model(points, mean, process):
     p = model.directions
     t = np.stack([-p[:, 1], p[:, 0]], axis=-1)
     matrix = np.zeros((len(points), 2, len(mean)))
-    seen = np.r_[0:3, 6 : len(mean)]
-    matrix[:, :, seen] = p[:, :, None] * model.radial_matrix[:, None, :]
+    rows, variances = model.rows
+    matrix += p[:, :, None] * rows[:, None, :]
     matrix[:, :, :2] += (model.tangential_slopes[:, None] * t)[:, :, None] * t[:, None, :]
     predicted = points - model.residuals[:, None] * p
-    blocks = model.radius_variances[:, None, None] * p[:, :, None] * p[:, None, :]
+    blocks = variances[:, None, None] * p[:, :, None] * p[:, None, :]
     return predicted.ravel(), matrix.reshape(-1, len(mean)), blocks
 
 
@@ -54,7 +59,7 @@ def measurement(points, mean, process):
     offset = points - mean[:2]
     bearing = np.arctan2(offset[:, 1], offset[:, 0])
     deviations = mean[6:] - process.mean_radius
-    radius = process.mean_radius + process.at(bearing - mean[2])[0] @ deviations
+    radius = process.mean_radius + regression_at(process, bearing - mean[2])[0] @ deviations
     direction = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     return (mean[:2] + radius[:, None] * direction).ravel()
 
@@ -151,7 +156,7 @@ def test_contour_and_std_match_the_regression():
     angles = 2.0 * np.pi * np.arange(count) / count
     size = TRACKER.basis_points, TRACKER.length_scale
     process = ContourProcess(*size, 1.0, 0.4, TRACKER.jitter)
-    matrix, variances = process.at(angles)
+    matrix, variances = regression_at(process, angles)
     mean, covariance = found.means[-1], found.covariances[-1]
     offsets = found.contours_world[-1] - mean[:2]
     np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), matrix @ mean[6:])
@@ -164,7 +169,7 @@ def test_contour_and_std_match_the_regression():
         def outside(along):
             offset = mean[:2] + along * direction - state[:2]
             angle = np.arctan2(offset[1], offset[0]) - state[2]
-            return np.hypot(*offset) - (process.at(np.array([angle]))[0] @ state[6:])[0]
+            return np.hypot(*offset) - (regression_at(process, np.array([angle]))[0] @ state[6:])[0]
 
         return brentq(outside, 0.05, 20.0, xtol=1e-13)
 
@@ -201,7 +206,7 @@ def test_without_a_shape_the_radii_start_at_zero():
     bare.check(TRACKER)
     scans = scans_of([np.zeros((0, 2))])
     found, shaped = track(scans, START, bare, TRACKER), track(scans, START, CAR, TRACKER)
-    radii = 2 * gp_ekf.SEEN
+    radii = 6
     np.testing.assert_array_equal(found.means[0, radii:], 0.0)
     assert np.all(shaped.means[0, radii:] > 0.5)
     np.testing.assert_array_equal(found.covariances, shaped.covariances)

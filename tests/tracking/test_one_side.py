@@ -92,7 +92,7 @@ def test_a_contour_beside_its_points_moves_to_their_ends():
     mean, covariance = across(side)
     rays = row_of_points(side, mean, 0.0)
     middle = side.between_ends(rays, mean, covariance)[0]
-    placed, gain, row = side.between_ends(row_of_points(side, mean, 0.4), mean, covariance)
+    placed, gain, row, _ = side.between_ends(row_of_points(side, mean, 0.4), mean, covariance)
     share = 0.1 / (0.1 + END_STD**2)
     assert gain[:2] == pytest.approx([-share, 0.0], abs=0.05)
     assert (placed - middle)[0] == pytest.approx(0.4 * share, rel=0.1)

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import hypot
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from numba import njit
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
@@ -109,15 +109,13 @@ class Rays:
 
     def _hidden_ends(self, indices: np.ndarray) -> tuple[bool, bool]:
         """Whether a nearer point that is not at `indices` is right beside an end of these rays."""
-        others = np.ones(len(self.ranges), bool)
-        others[indices] = False
-        ends = []
-        for find in (np.argmin, np.argmax):
-            end = indices[find(self.bearings[indices])]
-            apart = np.abs(wrap_angle(self.bearings - self.bearings[end])) * self.ranges[end]
-            nearer = self.ranges < self.ranges[end] - NEARER
-            ends.append(bool((others & nearer & (apart < BESIDE)).any()))
-        return ends[0], ends[1]
+        others = np.delete(np.arange(len(self.ranges)), indices)[:, None]
+        bearings = self.bearings[indices]
+        ends = indices[[bearings.argmin(), bearings.argmax()]]
+        apart = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends])) * self.ranges[ends]
+        nearer = self.ranges[others] < self.ranges[ends] - NEARER
+        right, left = (nearer & (apart < BESIDE)).any(axis=0)
+        return bool(right), bool(left)
 
 
 def sight_of(
@@ -155,7 +153,7 @@ def rays_of(
     ranges = np.hypot(offsets[:, 0], offsets[:, 1])
     directions = offsets / np.maximum(ranges, 1e-9)[:, None]
     variances = np.einsum("ni,nij,nj->n", directions, covariances, directions)
-    across = np.trace(covariances, axis1=1, axis2=2) - variances
+    across = covariances[:, 0, 0] + covariances[:, 1, 1] - variances
     bearings = wrap_angle(np.arctan2(directions[:, 1], directions[:, 0]) - sensor[2])
     shared = np.zeros((len(offsets), 2, 0)) if shared is None else shared
     return Rays(
@@ -261,18 +259,27 @@ def _of_target(labels: np.ndarray, inside: np.ndarray) -> np.ndarray:
 def segments(rays: Rays) -> np.ndarray:
     """Labels (n,) of the stretches of neighbouring rays whose points are near each other.
 
-    Where a bearing has points of several objects, a neighbour is one of the next few.
+    A label is the place of its first point in the order of bearings. Where a bearing has points of
+    several objects, a neighbour is one of the next few.
     """
-    order = np.argsort(rays.bearings, kind="stable")
-    points, stds = (rays.ranges[:, None] * rays.directions)[order], rays.stds[order]
-    pairs = []
-    for step in range(1, 2 if rays.heights is None else 1 + NEIGHBOURS):
-        apart = np.hypot(*(points[step:] - points[:-step]).T)
-        first = np.flatnonzero(apart <= GAP + 2.0 * (stds[step:] + stds[:-step]))
-        pairs.append([order[first], order[first + step]])
-    places = np.concatenate(pairs, axis=1)
-    graph = coo_array((np.ones(places.shape[1]), tuple(places)), shape=(len(order),) * 2)
-    return connected_components(graph, directed=False)[1]
+    order, labels = np.argsort(rays.bearings, kind="stable"), np.arange(len(rays.bearings))
+    neighbours = 1 if rays.heights is None else NEIGHBOURS
+    _join(labels, rays.points_world[order], rays.stds[order], neighbours)
+    labels[order] = labels.copy()
+    return labels
+
+
+@njit(cache=True)
+def _join(labels, points, stds, neighbours):
+    """Give points the label of one of the `neighbours` before them that is near, and join both."""
+    for i in range(len(labels)):
+        for j in range(max(i - neighbours, 0), i):
+            apart = hypot(points[i, 0] - points[j, 0], points[i, 1] - points[j, 1])
+            if apart <= GAP + 2.0 * (stds[i] + stds[j]):
+                first, second = min(labels[i], labels[j]), max(labels[i], labels[j])
+                for k in range(second, i + 1):
+                    if labels[k] == second:
+                        labels[k] = first
 
 
 def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:

@@ -92,7 +92,8 @@ class Measurement:
         likelihood += np.log(gate_widths(self._rays, self._tracker)).sum()
         missed = np.minimum(rows.insides, 0.0) ** 2 / (MISS_STD**2 + self._rays.across_variances)
         joint = joint.copy()
-        joint.absorb(*moved)
+        # What moved is K A already.
+        joint.correct(np.eye(joint.size), *moved)
         degrees = int(self._measured.used.sum())
         of_misses = float(np.minimum(0.5 * missed, CLUTTER).sum())
         return found.mean, found.covariance, joint, nis, degrees, of_misses, likelihood
