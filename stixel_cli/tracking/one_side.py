@@ -33,19 +33,13 @@ from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Scan
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 
-FARTHEST = 3.0
-"""Greatest shift of a point along its ray, m: a windscreen is two metres behind the bumper."""
-
 REACH, REACH_BESIDE = 0.5, 0.3
 """A point this near the contour, m, is the target's: of the segment of neighbouring rays on which
 the contour was placed, and of other segments. Inside the contour it may be twice as far."""
 
-OUTSIDE = 0.6
-"""No point of the target is farther outside the outline of its class, m."""
-
-PLACING_STD, TAIL, LOOSE = 0.1, 0.3, 4.0
-"""To place the contour on a segment: standard deviation of a point and scale of its heavy tail, m;
-factor on the covariance of the pose."""
+PLACING_STD, TAIL = 0.1, 0.3
+"""To place the contour on a segment: standard deviation of a point and scale of its heavy tail, m.
+"""
 
 END_STD = 0.2
 """Of the places of the first and the last point at the ends of the outline, m."""
@@ -75,14 +69,13 @@ class OneSide:
         scans: Scans,
     ):
         self._process, self._scans, self.shared_errors = process, scans, scans.shared_errors.count
-        self._known = prior.road_user != "unknown"
         self._tables = None
         self._background = Background()
         self.radii = prior_radii(prior, process.basis_angles)
         self.basis_angles = process.basis_angles
         self.radii_covariance, self.limbs = None, np.zeros((0, len(self.radii)))
         self.std_factor, self.roughness = 1.0, 0.0
-        if not self._known:
+        if prior.road_user == "unknown":
             return
         shape = class_shape(prior.road_user)
         self._factors = np.log(np.array([prior.length, prior.width]) / shape.size)
@@ -132,8 +125,7 @@ class OneSide:
             visible, outline = (
                 expected(state, sensor, rays.directions, table.arrays) for table in self._tables
             )
-            missed = np.clip(visible[0] - outline[0], -FARTHEST, FARTHEST)
-            missed += self._bias_per_std * rays.stds
+            missed = visible[0] - outline[0] + self._bias_per_std * rays.stds
             rays, stds = replace(rays, ranges=rays.ranges - missed), visible[2]
         return rays, stds
 
@@ -156,26 +148,17 @@ class OneSide:
         weights = 1.0 / (1.0 + (model.residuals / TAIL) ** 2)
         main = labels == np.bincount(labels, weights).argmax()
         slopes, residuals = model.pose_matrix[main], model.residuals[main]
-        loose, placed = LOOSE * covariance[:3, :3], residuals
+        placed = residuals
         for _ in range(2):
             # The noise of a Cauchy distribution, at the last residuals.
             noise = PLACING_STD**2 * (1.0 + (placed / TAIL) ** 2)
-            step, posterior, _ = correct(loose, slopes, noise, residuals)
+            step, posterior, _ = correct(covariance[:3, :3], slopes, noise, residuals)
             placed = residuals - slopes @ step
         residuals = model.residuals - model.pose_matrix @ step
         variances = ((model.pose_matrix @ posterior) * model.pose_matrix).sum(axis=1)
         stds = np.sqrt(np.maximum(variances, 0.0))
         reach = np.where(main, REACH + stds, REACH_BESIDE)
-        inside = (residuals < reach) & (residuals > -2.0 * reach)
-        if self._known:
-            inside &= self._outside(rays.points_world[candidates], mean[:3] + step) < OUTSIDE
-        return candidates[inside]
-
-    def _outside(self, points_world: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        """How far points (n, 2) m are outside the class's outline at a `pose` (3,), m."""
-        offsets = points_world - pose[:2]
-        angles = np.arctan2(offsets[:, 1], offsets[:, 0]) - pose[2]
-        return np.hypot(*offsets.T) - self.between(angles, self.radii)
+        return candidates[(residuals < reach) & (residuals > -2.0 * reach)]
 
     def between(self, angles: np.ndarray, values: np.ndarray) -> np.ndarray:
         """`values` (N,) at the basis angles, at `angles` (n,) rad: linear between."""
