@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_872
+TOTAL = 45_869
 """Greatest number of lines in all."""
 
 MODULES = 248
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2065,
     "studies": 1644,
     "sweeps": 1999,
-    "tracking": 6759,
+    "tracking": 6756,
     "validation": 1103,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -33,7 +33,7 @@ from stixel_cli.tracking.contour.contour_update import (
     Measurement,
 )
 from stixel_cli.tracking.contour.forms import forms_of
-from stixel_cli.tracking.contour.ray_kernels import schmidt_update
+from stixel_cli.tracking.contour.ray_kernels import MISS_STD, schmidt_update
 from stixel_cli.tracking.kalman import correct, normalised_innovation_squared
 from stixel_cli.tracking.track import InitialState
 
@@ -307,7 +307,7 @@ def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
     freedom = tracker.degrees_of_freedom
     own *= np.maximum((freedom + squared) / (freedom + 1.0), 1.0)
     passing = np.flatnonzero(rows.insides < 0.0)
-    noise = np.append(own, measured.miss_variances[passing])
+    noise = np.append(own, MISS_STD**2 + (measured.rounding + rays.across_variances)[passing])
 
     used = measured.used
     innovation_covariance = (whole @ joint.matrix @ whole.T)[: count + 2, : count + 2]

@@ -9,7 +9,7 @@ from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
-from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, fit, schmidt_update
+from stixel_cli.tracking.contour.ray_kernels import MISS_STD, Fit, Measured, fit, schmidt_update
 from stixel_cli.tracking.smoothing import Step
 
 SEEN = np.array([0, 1, 2, 5, 6])
@@ -23,9 +23,6 @@ SHARED = {"stixels": 1.0, "fabricated": 0.3, "lidar": 0.3, "file": 0.3, "own": 0
 FINE = 0.2
 """Shares of the visible shape's variance: what neighbouring rays and scans of each kind of sensor
 have in common, and what each point has of its own."""
-
-MISS_STD = 0.05
-"""A ray with a point of the target should meet its shape: standard deviation, m."""
 
 CLUTTER = 3.0
 """Log odds against a ray that passes by the shape, at most: then its point is clutter."""
@@ -53,7 +50,6 @@ class Measurement:
         silhouettes = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
         # A single ray does not show where an outline begins or ends.
         silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
-        rounding, across = sight.rounding_std**2, rays.across_variances
         self._measured = Measured(
             rays.sensor,
             rays.directions,
@@ -62,10 +58,9 @@ class Measurement:
             inset,
             np.append(np.ones(count, bool), silhouettes),
             np.append((sight.std_factor * rays.stds) ** 2, of_ends),
-            across,
-            MISS_STD**2 + rounding + across,
+            rays.across_variances,
             rays.shared,
-            rounding,
+            sight.rounding_std**2,
             tracker.noise_factor**2,
             tracker.shape_factor**2,
             tracker.silhouette_factor**2,

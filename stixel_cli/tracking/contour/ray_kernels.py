@@ -24,6 +24,9 @@ GREATEST_SLANT = 4.0
 SIZE_STEP = 0.3
 """Greatest change of a factor of the size in one iteration, relative: slopes are local."""
 
+MISS_STD = 0.05
+"""A ray with a point of the target should meet its shape: standard deviation, m."""
+
 CONVERGED = 2e-3
 """The iteration ends when no state moves by more than this."""
 
@@ -78,8 +81,6 @@ class Measured(NamedTuple):
     """(n + 2,) m² of what the sensor adds to each range and to each end, along and across."""
     across_variances: np.ndarray
     """(n,) m² of the sensor across the rays."""
-    miss_variances: np.ndarray
-    """(n,) m² of how far a ray passes by the shape."""
     moves: np.ndarray
     """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
     rounding: float
@@ -243,7 +244,7 @@ def _schmidt_update(moved, spread, work, nodes, rows, covariance, measured, free
             # A miss is a penalty of the gain.
             while rows.insides[missing] >= 0.0:
                 missing += 1
-            own = measured.miss_variances[missing]
+            own = MISS_STD**2 + measured.rounding + measured.across_variances[missing]
             missing += 1
         else:
             ray, shape, own = i, rows.stds[i] ** 2, measured.variances[i]
@@ -408,7 +409,8 @@ def measure(
         if min(low, high) < 0.0:
             nearer = of_low if low < high else of_high
             rows.errors[used] = _fill_limit(rows.matrix[used], nearer, sides)
-            rows.noise[used] = measured.shape_factor * measured.miss_variances[i]
+            miss = MISS_STD**2 + measured.rounding + measured.across_variances[i]
+            rows.noise[used] = measured.shape_factor * miss
             used += 1
     return used
 
