@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_764
+TOTAL = 45_729
 """Greatest number of lines in all."""
 
 MODULES = 248
@@ -26,11 +26,11 @@ BUDGET = {
     "cli": 2600,
     "config": 2699,
     "engine": 4127,
-    "evaluation": 1609,
+    "evaluation": 1610,
     "experiment": 1248,
     "export": 595,
     "geometry": 417,
-    "live": 618,
+    "live": 619,
     "machine": 187,
     "measurements": 1921,
     "pictures": 1355,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2065,
     "studies": 1644,
     "sweeps": 1999,
-    "tracking": 6663,
+    "tracking": 6626,
     "validation": 1103,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

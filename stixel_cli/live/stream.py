@@ -36,7 +36,8 @@ CALIBRATED = (100, 200, 400)
 """Numbers of pairs after which the rig's error is estimated, from all pairs of images by then."""
 
 START_STD = (0.4, 0.4, 0.2, 1.0, 1.0, 0.4)
-"""Standard deviations of a track's start, as in `start=scans`: m, rad, and their rates."""
+START_DURATION = 1.0
+"""Standard deviations of a track's start, as in `start=scans`: m, rad, and their rates; s."""
 
 HISTORY = 20
 """Whether an object moves is seen from the last scans, so many."""
@@ -197,7 +198,7 @@ class StixelStream:
         """The objects that move, after scan `k`."""
         from stixel_cli.measurements.scans import Scans
         from stixel_cli.tracking.contour.class_size import SIZES
-        from stixel_cli.tracking.followed import LARGEST, follow_scan
+        from stixel_cli.tracking.followed import follow_scan
         from stixel_cli.tracking.several.clusters import are_one, confirmed
 
         if len(self._scans) == HISTORY:
@@ -211,12 +212,11 @@ class StixelStream:
         points += [(one.points_world, one.covariances_world) for one in self._scans]
         times = self._sample_time * np.arange(k + 1)
         scans = Scans.of_each(times, self._poses, points, scan.field_of_view, scan.shared_errors)
-        length = float(np.hypot(*SIZES.T).max())
-        follow_scan(self._tracks, scans, k, self._sample_time, LARGEST * length)
+        follow_scan(self._tracks, scans, k, SIZES)
         self._tracks = [one for one in self._tracks if not one.ended]
         numbered = [one for one in self._tracks if one.number is not None]
         for one in self._tracks:
-            if one.begun and one.number is None and confirmed(scans, one, length) is not None:
+            if one.number is None and confirmed(scans, one, SIZES) is not None:
                 same = (other.number for other in numbered if are_one(scans, other, one, SIZES))
                 one.number = next(chain(same, self._numbers))
                 numbered.append(one)
@@ -232,12 +232,13 @@ class StixelStream:
         """Pose, size and contour of a track after the last of the `scans`."""
         from stixel_cli.trackers import Contour
         from stixel_cli.tracking.contour.class_size import SIZES
-        from stixel_cli.tracking.several.clusters import found_track
+        from stixel_cli.tracking.start_scans import initial_state
 
         first = len(scans) - 1
         if one.number not in self._contours:
             # Its scans so far are used now, as it was not clear before that it moves.
-            first, initial = min(one.rows), found_track(scans, one, first, SIZES, START_STD).initial
+            initial = initial_state(scans, one, first, SIZES, START_STD, START_DURATION)
+            first = min(one.rows)
             self._contours[one.number] = Contour(
                 "unknown",
                 start=initial,

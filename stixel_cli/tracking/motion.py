@@ -24,6 +24,9 @@ GREATEST_VARIANCE = np.pi**2 / 3.0
 """Variance of an angle that is quite unknown, rad²: even over a full turn."""
 
 
+LEAST_SPEED = 0.5
+"""Below it, m/s, a velocity does not tell where a road user is headed, nor whether it moves."""
+
 LONGEST_GAP = 100.0
 """s after which nobody knows where a road user is: a covariance that grew on, for years, would be
 beyond what can be inverted."""

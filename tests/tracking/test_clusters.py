@@ -11,23 +11,29 @@ from numpy.testing import assert_allclose, assert_array_equal
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.tracking.followed import BEGIN, END, LEAST_SCANS, assign, follow
+from stixel_cli.tracking.followed import BEGIN, END, assign, follow
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.several import clusters
-from stixel_cli.tracking.several.clusters import confirmed, find_tracks, free_and_occupied
+from stixel_cli.tracking.several.clusters import LEAST_SCANS, confirmed, free_and_occupied
 from stixel_cli.tracking.several.track_each import own_scans, track_each
+from stixel_cli.tracking.start_scans import find_tracks
 
 CONFIGURATION = compose(["start=scans", "tracker=box"]).configuration
 PRIOR, STD = CONFIGURATION.prior, CONFIGURATION.start.std
 REAR = np.stack([np.linspace(-0.85, 0.85, 8), np.zeros(8)], axis=1)
 WALL = np.stack([np.linspace(-9.0, -8.0, 5), np.full(5, 25.0)], axis=1)
-LONGEST = 7.0
+SIZES = np.array([[PRIOR.length, PRIOR.width]])
 
 
 def scans_of(points_of_each, poses=None):
     """Scans at 10 Hz of points (n, 2) m whose standard deviation is 0.1 m, of a wide view."""
     scans = replace(tracking_cases.scans_of(points_of_each), field_of_view=None)
     return scans if poses is None else replace(scans, sensor_poses_world=poses)
+
+
+def found_in(scans):
+    """The road users that move."""
+    return find_tracks(scans, PRIOR, STD, 1.0)
 
 
 def car(place, velocity, k):
@@ -43,7 +49,7 @@ def two_cars(count):
 
 def test_each_of_two_cars_that_pass_has_its_track_and_no_point_is_in_both():
     scans = two_cars(15)
-    found = find_tracks(scans, PRIOR, STD)
+    found = found_in(scans)
     assert [len(one.rows) for one in found] == [15, 15]
     rows = [np.concatenate([*one.rows.values()]) for one in found]
     assert_array_equal(scans.points_world[rows[0]], [
@@ -89,14 +95,14 @@ def seen_in(scans_seen, count):
 )
 def test_a_track_begins_by_m_of_n_and_ends_without_clusters(seen, scans):
     assert BEGIN == 3
-    tracks = [one for one in follow(seen_in(seen, 20), LONGEST) if one.begun]
+    tracks = [one for one in follow(seen_in(seen, 20), SIZES) if one.begun]
     assert [[min(one.rows), max(one.rows)] for one in tracks] == scans
 
 
 def test_what_stands_still_and_what_is_seen_shortly_is_no_road_user():
-    assert find_tracks(scans_of([WALL] * 12), PRIOR, STD) == ()
-    assert find_tracks(seen_in(range(LEAST_SCANS - 1), 12), PRIOR, STD) == ()
-    (one,) = find_tracks(seen_in(range(4, 4 + LEAST_SCANS), 12), PRIOR, STD)
+    assert found_in(scans_of([WALL] * 12)) == ()
+    assert found_in(seen_in(range(LEAST_SCANS - 1), 12)) == ()
+    (one,) = found_in(seen_in(range(4, 4 + LEAST_SCANS), 12))
     assert [*one.rows] == list(range(4, 4 + LEAST_SCANS))
     with pytest.raises(ValueError, match=r"source\.target: auto finds no cluster"):
         track_each((), seen_in(range(4), 12), "", {})
@@ -107,18 +113,18 @@ def test_the_error_of_the_sensors_motion_moves_nothing(error, count):
     # At 20 m/s what stands still seems to move by this share of the sensor's motion.
     poses = np.array([[0.0, 2.0 * k, STRAIGHT_AHEAD] for k in range(12)])
     parked = [car((3.0, 45.0 + error * pose[1]), (0.0, 0.0), 0) for pose in poses]
-    assert len(find_tracks(scans_of(parked, poses), PRIOR, STD)) == count
+    assert len(found_in(scans_of(parked, poses))) == count
 
 
 def test_a_thing_larger_than_the_class_is_no_road_user():
     long = np.stack([np.linspace(-6.0, 6.0, 40), np.zeros(40)], axis=1)
     scans = scans_of([long + np.array([0.0, 15.0 + 0.5 * k]) for k in range(12)])
-    assert follow(scans, LONGEST) == []
+    assert follow(scans, SIZES) == []
 
 
 def test_the_tracker_gets_the_points_of_its_own_road_user():
     scans = dataclasses.replace(two_cars(12), field_of_view=FieldOfView(-0.5, 0.6))
-    found = find_tracks(scans, PRIOR, STD)
+    found = found_in(scans)
     some = [*found[1].rows][2::2]
     later = dataclasses.replace(found[1], rows={k: found[1].rows[k] for k in some})
     own, rows = own_scans(scans, later)
@@ -165,9 +171,9 @@ def driving(points_of_each):
 )
 def test_a_fence_that_slides_along_is_no_track(parts):
     scans = driving([fence(y, *parts) for y in DRIVEN])
-    (sliding,) = follow(scans, LONGEST)
+    (sliding,) = follow(scans, SIZES)
     assert len(sliding.rows) == COUNT and sliding.mean[3] == pytest.approx(SPEED, abs=0.5)
-    assert find_tracks(scans, PRIOR, STD) == ()
+    assert found_in(scans) == ()
 
 
 @pytest.mark.parametrize(
@@ -182,17 +188,17 @@ def test_a_fence_that_slides_along_is_no_track(parts):
 )
 def test_a_fast_cluster_moves_if_the_places_that_it_left_are_free(counts, number, monkeypatch):
     scans = driving([car((0.0, 14.0), (0.0, SPEED), k) for k in range(COUNT)])
-    (one,) = follow(scans, LONGEST)
+    (one,) = follow(scans, SIZES)
     given = iter(counts + [(0, 0)] * COUNT)
     monkeypatch.setattr(clusters, "free_and_occupied", lambda *_: next(given))
-    assert confirmed(scans, one, 4.0) == number
+    assert confirmed(scans, one, SIZES) == number
 
 
 def test_a_followed_car_with_the_speed_of_the_ego_is_a_track():
     cars = [car((0.0, 14.0), (0.0, SPEED), k) for k in range(COUNT)]
     fences = [fence(y, (11.3, 15.0)) for y in DRIVEN]
     scans = driving([np.concatenate(pair) for pair in zip(cars, fences, strict=True)])
-    (one,) = find_tracks(scans, PRIOR, STD)
+    (one,) = found_in(scans)
     assert one.confirmed == LEAST_SCANS - 1
     assert len(one.rows) == COUNT and all(len(rows) == 8 for rows in one.rows.values())
 
@@ -203,18 +209,18 @@ def test_two_clusters_of_one_car_are_one_track_and_two_cars_abreast_are_two():
     places = np.stack([0.0 * DRIVEN, 14.0 + DRIVEN], axis=1)
     seen = [np.vstack([points, side + at]) for points, at in zip(rear, places, strict=True)]
     scans = driving(seen)
-    assert len(follow(scans, LONGEST)) == 2
-    (one,) = find_tracks(scans, PRIOR, STD)
+    assert len(follow(scans, SIZES)) == 2
+    (one,) = found_in(scans)
     assert_array_equal(np.concatenate([*one.rows.values()]), np.arange(len(scans.points_world)))
     abreast = driving([np.concatenate([points, points + np.array([3.2, 0.0])]) for points in rear])
-    assert [len(found.rows) for found in find_tracks(abreast, PRIOR, STD)] == [COUNT, COUNT]
+    assert [len(found.rows) for found in found_in(abreast)] == [COUNT, COUNT]
 
 
 def test_a_parked_car_is_left_behind_without_a_track_and_one_that_drives_off_has_one():
-    assert find_tracks(driving([car((2.5, 34.0), (0.0, 0.0), 0)] * COUNT), PRIOR, STD) == ()
+    assert found_in(driving([car((2.5, 34.0), (0.0, 0.0), 0)] * COUNT)) == ()
     starts = 6
     scans = driving([car((2.5, 20.0), (0.0, 9.0), max(0, k - starts)) for k in range(COUNT)])
-    (one,) = find_tracks(scans, PRIOR, STD)
+    (one,) = found_in(scans)
     assert min(one.rows) == 0 and one.confirmed > starts
 
 

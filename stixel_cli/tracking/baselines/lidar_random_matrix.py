@@ -32,15 +32,10 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.baselines.rectangle_contour import (
-    LEAST_SPEED,
-    QUARTER,
-    contours_of,
-    rectangle_states,
-)
+from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, rectangle_states
 from stixel_cli.tracking.kalman import update
 from stixel_cli.tracking.loop import Filtered
-from stixel_cli.tracking.motion import MOVING, predict_place, turn_rate_variance
+from stixel_cli.tracking.motion import LEAST_SPEED, MOVING, predict_place, turn_rate_variance
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 

@@ -3,15 +3,12 @@
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
-from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING
+from stixel_cli.tracking.motion import GREATEST_VARIANCE, LEAST_SPEED, MOVING
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import contour_directions
 
 NORMALS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Outward normals of front, rear, left and right side in the target's frame."""
-
-LEAST_SPEED = 0.5
-"""Below it, m/s, the velocity does not tell which axis points forwards."""
 
 SHAPE = np.array([2, 6, 7])
 """Indices of heading, length and width in the eight states."""

@@ -6,6 +6,7 @@ it. Its speed tells nothing, since a car that is followed has it, too. But the f
 the cluster was.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,21 +14,15 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.clusters import GAP
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.contour.class_size import possible_sizes
-from stixel_cli.tracking.followed import (
-    BEGIN,
-    LARGEST,
-    LEAST_SCANS,
-    WINDOW,
-    OpenTrack,
-    follow,
-    least_speed,
-    line,
-    state_of,
-)
-from stixel_cli.tracking.motion import intervals, transition
-from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import FoundTrack, InitialState
+from stixel_cli.tracking.followed import BEGIN, LARGEST, WINDOW, OpenTrack, diagonal, line
+from stixel_cli.tracking.motion import LEAST_SPEED
+
+LEAST_SCANS = 6
+"""A road user that moves is in so many scans, or more."""
+
+OF_SENSOR = 0.05
+"""A road user is faster than `LEAST_SPEED` plus this share of the sensor's speed: the error of the
+sensor's motion moves all that stands still."""
 
 CERTAIN = 12.0
 """A road user's speed is so many times the speed's standard error."""
@@ -37,12 +32,6 @@ RECENT = 20
 
 FREE = 4.0
 """Of the places that a road user has left, so many times as many are free as are occupied."""
-
-TOGETHER = 1.5
-"""All clusters of one road user are in a box this many times as large as that of its class."""
-
-USED = 1.0
-"""Its initial state comes from so many of its first seconds, of scans until it is confirmed."""
 
 AWAY = 1.0
 """A cluster has left a place that is so far from all its points, m."""
@@ -55,19 +44,21 @@ SHADOW = 1.0
 between that of the object and that of the background."""
 
 
-def find_tracks(scans: Scans, prior: PriorShape, std: tuple[float, ...]) -> tuple[FoundTrack, ...]:
-    """The road users of the class that move, in the order of their first scans.
+def least_speed(of_sensor: float) -> float:
+    """The speed, m/s, of the slowest road user that moves, given that of the sensor."""
+    return LEAST_SPEED + OF_SENSOR * of_sensor
 
-    Args:
-        scans: of any sensor.
-        prior: of the class.
-        std: (6,) of the initial states, see `followed.state_of`.
+
+def moving(
+    scans: Scans, tracks: Sequence[OpenTrack], sizes: np.ndarray
+) -> list[tuple[OpenTrack, int]]:
+    """The road users among the tracks, in their order, each with the scan that confirmed it.
+
+    `sizes` (n, 2) m are those of the class.
     """
-    sizes = possible_sizes(prior)
-    length = float(np.hypot(*sizes.T).max())
     kept: list[tuple[OpenTrack, int]] = []
-    for one in follow(scans, LARGEST * length):
-        k = confirmed(scans, one, length) if one.begun else None
+    for one in tracks:
+        k = confirmed(scans, one, sizes)
         if k is None:
             continue
         same = (i for i, (other, _) in enumerate(kept) if are_one(scans, other, one, sizes))
@@ -76,7 +67,7 @@ def find_tracks(scans: Scans, prior: PriorShape, std: tuple[float, ...]) -> tupl
             kept.append((one, k))
         else:
             kept[i] = _joined(kept[i][0], one), min(k, kept[i][1])
-    return tuple(found_track(scans, one, k, sizes, std) for one, k in kept)
+    return kept
 
 
 def are_one(scans: Scans, one: OpenTrack, other: OpenTrack, sizes: np.ndarray) -> bool:
@@ -88,7 +79,7 @@ def are_one(scans: Scans, one: OpenTrack, other: OpenTrack, sizes: np.ndarray) -
     both = [np.concatenate([one.rows[k], other.rows[k]]) for k in common]
     along = rotation(float(np.arctan2(one.mean[3], one.mean[2])))
     extents = [np.ptp(scans.points_world[each] @ along, axis=0) for each in both]
-    fits = bool(both) and np.median(extents, axis=0) <= TOGETHER * sizes.max(axis=0)
+    fits = bool(both) and np.median(extents, axis=0) <= LARGEST * sizes.max(axis=0)
     return bool(np.all(fits))
 
 
@@ -100,33 +91,20 @@ def _joined(one: OpenTrack, other: OpenTrack) -> OpenTrack:
     return replace(one, rows=dict(sorted(rows.items())))
 
 
-def found_track(
-    scans: Scans, one: OpenTrack, last: int, sizes: np.ndarray, std: tuple[float, ...]
-) -> FoundTrack:
-    """The track, confirmed at scan `last`; the other arguments as in `find_tracks`."""
-    first, interval = min(one.rows), intervals(scans.times)
-    used = one.within(scans, first, min(USED, scans.times[last] - scans.times[first]))
-    of_run = state_of(scans, used, sizes, std, "scans")
-    ahead = scans.times[first] - interval[first] - (scans.times[0] - interval[0])
-    step = transition(ahead)
-    initial = InitialState(step @ of_run.mean, step @ of_run.covariance @ step.T)
-    return FoundTrack(one.rows, last, initial)
-
-
-def confirmed(scans: Scans, one: OpenTrack, length: float) -> int | None:
+def confirmed(scans: Scans, one: OpenTrack, sizes: np.ndarray) -> int | None:
     """The first scan up to which a track moves like a road user.
 
     It is fast enough, and the places that it left are free in `BEGIN` of the last `WINDOW` scans.
     None for a track that may be a static object, with the errors of the sensor's motion, or a part
-    of one. `length` is the class's diagonal, m.
+    of one. `sizes` (n, 2) m are those of the class.
     """
     ks, rows = [*one.rows], [*one.rows.values()]
     recent = [slice(max(0, n - RECENT), n) for n in range(len(ks) + 1)]
-    fast = [n for n in range(LEAST_SCANS - 1, len(ks)) if _is_fast(scans, one, ks[recent[n + 1]])]
+    fast = [n for n in range(LEAST_SCANS - 1, len(ks)) if is_fast(scans, one.at(ks[recent[n + 1]]))]
     counts = np.zeros((len(ks), 2), dtype=np.int64)
     for n in range(1, fast[-1] + 1 if fast else 0):
         before = np.concatenate(rows[recent[n]])
-        counts[n] = free_and_occupied(scans, ks[n], rows[n], before, length)
+        counts[n] = free_and_occupied(scans, ks[n], rows[n], before, diagonal(sizes))
         free, occupied = counts.sum(axis=0)
         scans_with_free = np.sum(counts[max(0, n + 1 - WINDOW) : n + 1, 0] > 0)
         if n in fast and scans_with_free >= BEGIN and free > FREE * occupied:
@@ -134,9 +112,9 @@ def confirmed(scans: Scans, one: OpenTrack, length: float) -> int | None:
     return None
 
 
-def _is_fast(scans: Scans, one: OpenTrack, ks: list[int]) -> bool:
-    """Whether a track in the scans `ks` is faster than a static object with errors."""
-    velocity, error = replace(one, rows={k: one.rows[k] for k in ks}).velocity(scans)
+def is_fast(scans: Scans, one: OpenTrack) -> bool:
+    """Whether a track is faster than a static object with errors."""
+    ks, (velocity, error) = [*one.rows], one.velocity(scans)
     of_sensor = line(scans.times[ks], scans.sensor_poses_world[ks, :2])[1]
     least = max(least_speed(float(np.hypot(*of_sensor))), CERTAIN * error)
     return float(np.hypot(*velocity)) >= least
