@@ -52,11 +52,11 @@ def tracker_noise(tracker: Any, scans: Scans) -> tuple[str, np.ndarray, float | 
     if kind in ("point", "box", "gp_ekf"):
         std = tracker.measurement_std
         same = np.broadcast_to(std**2 * np.eye(2), scans.covariances_world.shape)
-        return f"R = ({std:.3g} m)² for each of them", same, std
+        return f"R = (measurement_std, {std:.3g} m)² for each of them", same, std
     if kind in ("pyrecest", "rectangle"):
         std = tracker.measurement_std
         added = scans.covariances_world + std**2 * np.eye(2)
-        return f"R = the scan's + ({std:.3g} m)²", added, None
+        return f"R = the scan's + (measurement_std, {std:.3g} m)²", added, None
     if kind == "contour":
         stretched = _stretched(scans, tracker.noise_factor)
         text = f"R along the ray = ({tracker.noise_factor:g} σ)², and the shape's error"
