@@ -110,17 +110,16 @@ def test_tracker_runs(benchmark, cache, tmp_path, how):
     benchmark.pedantic(calls, rounds=1)
 
 
-@pytest.mark.parametrize("tracker", ["gp_ekf", "contour"])
+@pytest.mark.benchmark(group="scores of a track of contour, 100 scans")
 @pytest.mark.parametrize("how", ["shapely, IoU and distances of outlines", "evaluate, all scores"])
-def test_scores(benchmark, cache, tracker, how):
+def test_scores(benchmark, cache, how):
     """The reference computes only two of the scores, scan by scan."""
-    benchmark.group = f"scores of a track of {tracker}, 100 scans"
     import shapely
 
     from stixel_cli.engine.limits import one_thread
     from stixel_cli.evaluation.evaluate import evaluate
 
-    line = [*FABRICATED, f"tracker={tracker}", "seed=0,1"]
+    line = [*FABRICATED, "tracker=contour", "seed=0,1"]
     assert new_sweep(plan_sweep(sweep_design(line))).complete
     graph = plan_sweep(sweep_design(line)).runs[0].graph
     track, scenario, scans, scores = (

@@ -148,6 +148,21 @@ def subpixel_accuracy() -> str:
     )
 
 
+def selected(benchmarks: list[dict]) -> list[dict]:
+    """The benchmarks of the page, in its order; a small run has others, too."""
+    found = []
+    for test in SELECTED:
+        chosen = [
+            one
+            for one in benchmarks
+            if f"bench/{test}" in (one["fullname"].partition(end)[0] for end in ("[", "::"))
+        ]
+        if not chosen:
+            sys.exit(f"bench/{test}: no benchmark found")
+        found += chosen
+    return found
+
+
 def main() -> None:
     """Run, then write the page."""
     with tempfile.TemporaryDirectory() as folder:
@@ -163,7 +178,7 @@ def main() -> None:
     parts = [
         INTRODUCTION,
         machine(record),
-        *sections(record["benchmarks"]),
+        *sections(selected(record["benchmarks"])),
         subpixel_accuracy(),
         QUOTED,
     ]

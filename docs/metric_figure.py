@@ -38,30 +38,28 @@ def main() -> None:
     circle = np.stack([np.cos(around), np.sin(around)]) * np.sqrt(5.99 * values)[:, None]
     ellipse = centre + CENTRE_SCALE * (vectors @ circle).T
     baseline = truth - pose[:2] + points.mean(axis=0)
-    with style.drawing():
-        figure = style.new_figure(7.0, 5.0, layout="constrained")
+    with style.drawing(style.LEGIBLE):
+        figure = style.new_figure(style.NARROW, 6.4, layout="constrained")
         axes = figure.subplots()
         ring = [*range(len(estimate)), 0]
         axes.fill(
             *np.vstack([(estimate + band)[ring], (estimate - band)[ring][::-1]]).T,
             color=style.CONSISTENT,
-            label="band_coverage: 95 % band of the contour",
+            label="95 % band of the estimate",
         )
         for part, look, label in (
-            (seen, "-", "near side: seen"),
-            (~seen, ":", "far side: not seen"),
+            (seen, "-", "near side"),
+            (~seen, ":", "far side"),
         ):
             shown = np.where(part[:, None], truth, np.nan)
             axes.plot(*shown.T, look, color=style.TRUTH, label=f"true outline, {label}")
-        axes.plot(
-            *estimate[ring].T, color=style.ESTIMATE, label="estimate: iou_mean is its overlap"
-        )
+        axes.plot(*estimate[ring].T, color=style.ESTIMATE, label="estimate")
         axes.plot(
             *baseline[[*range(len(baseline)), 0]].T,
             "--",
             color=style.UNUSED,
             linewidth=1.0,
-            label="iou_baseline: true outline at the mean of the points",
+            label="baseline: true outline at the mean of the points",
         )
         axes.plot(*points.T, ".", color=style.USED, markersize=3.0, label="points of the scan")
         axes.plot(
@@ -69,17 +67,17 @@ def main() -> None:
             color=style.ESTIMATE,
             linewidth=1.0,
             linestyle="-.",
-            label=f"nees_position_mean: 95 % ellipse of the centre, × {CENTRE_SCALE:g}",
+            label=f"95 % ellipse of the centre, × {CENTRE_SCALE:g}: NEES",
         )
         axes.plot(
             *np.stack([centre, pose[:2]]).T,
             "o-",
             color=style.OBSTACLE,
             markersize=3.0,
-            label="centre_rmse_m: error of the centre",
+            label="error of the centre",
         )
         axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
-        figure.legend(loc="outside right upper")
+        figure.legend(loc="outside lower left")
         FILE.write_bytes(style.svg(figure))
 
 

@@ -52,7 +52,8 @@ def test_the_page_and_every_benchmark(script, tmp_path, monkeypatch, capfd):
     except subprocess.CalledProcessError:
         pytest.fail(capfd.readouterr().out, pytrace=False)
     small = (tmp_path / "benchmark.md").read_text(encoding="utf-8")
-    assert sections(page) <= sections(small)
+    # Without figures the page has no sections.
+    assert sections(page) in (set(), sections(small))
     assert (BENCH.parent / "docs" / "benchmark.md").read_text(encoding="utf-8") == page
 
 

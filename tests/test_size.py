@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_729
+TOTAL = 45_742
 """Greatest number of lines in all."""
 
 MODULES = 248
@@ -20,7 +20,7 @@ MODULES = 248
 
 BUDGET = {
     "": 1480,
-    "answers": 1342,
+    "answers": 1347,
     "benchmark": 1002,
     "calibration": 563,
     "cli": 2600,
@@ -33,7 +33,7 @@ BUDGET = {
     "live": 619,
     "machine": 187,
     "measurements": 1921,
-    "pictures": 1355,
+    "pictures": 1389,
     "recordings": 2617,
     "rendering": 2118,
     "report": 737,
@@ -41,7 +41,7 @@ BUDGET = {
     "scene": 3267,
     "stereo": 451,
     "stixels": 2065,
-    "studies": 1644,
+    "studies": 1618,
     "sweeps": 1999,
     "tracking": 6626,
     "validation": 1103,

@@ -78,7 +78,7 @@ LONGEST_NAME = 32
 _OPTION, _SCENARIO, _UNIT, _VALUE = "option", "scenario", "unit", "value"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Answer:
     """The answer to a question about many runs.
 
@@ -102,9 +102,12 @@ class Answer:
     shown: bool
     units: int
     left_out: int
-    values: pd.DataFrame = field(repr=False)
-    scenarios: tuple[str, ...] = field(repr=False)
-    runs: pd.DataFrame = field(repr=False)
+    values: pd.DataFrame
+    scenarios: tuple[str, ...]
+    runs: pd.DataFrame
+
+    def __repr__(self) -> str:
+        return f"<Answer: {' '.join([self.sentence, *self.notes])}>"
 
     @property
     def order(self) -> list:
@@ -203,7 +206,9 @@ class Answer:
         first, second = self._named(heard[:1]), heard[1]
         same = [self.name(option) for option in heard[1:] if not self.differs[option]]
         if same:
-            return f"{first}{over}{then} not shown to differ: {_first_of(same)}"
+            worse = [self.name(option) for option in heard[1:] if self.differs[option]]
+            others = f"{then} worse: {_first_of(worse)}" if worse and over else ""
+            return f"{first}{over}{then} not shown to differ: {_first_of(same)}{others}"
         minus = self._value(second, MINUS, True)
         return f"{first} is the best{over}{then} {self.name(second)} is next, {minus}"
 

@@ -43,6 +43,9 @@ LIKELIHOOD_RANGE = 1000.0
 OPACITY = 0.65
 """Of the stixels over an image."""
 
+LETTERS = (cv2.FONT_HERSHEY_SIMPLEX, 0.4)
+"""Font and size of what OpenCV writes on an image: about 8 × 10 px a letter."""
+
 GRID_DEPTHS = (10, 20, 50, 100, 5, 2, 30, 200, 1, 40, 60, 80, 3, 15, 4, 7)
 """Depths of an axis' ticks in m, the most important first."""
 
@@ -171,10 +174,14 @@ class FrameView:
         image = painted(self.grey_image, self.stixels, colours, self.rows)
         objects, colour = self.objects, _rgb(style.OBJECT).tolist()
         boxes = [] if objects is None else objects.boxes[objects.rows(self.k - objects.first)]
+        places: list[tuple[int, int]] = []
         for number, (left, right, top, base) in enumerate(np.asarray(boxes, dtype=int).tolist()):
             cv2.rectangle(image, (left, top), (right - 1, base), colour)
-            place, font = (left, max(top - 3, 8)), cv2.FONT_HERSHEY_SIMPLEX
-            cv2.putText(image, str(number), place, font, 0.4, colour, lineType=cv2.LINE_AA)
+            place = left, max(top - 3, 8)
+            # Of numbers that would overlap, the first.
+            if all(abs(left - u) >= 16 or abs(place[1] - v) >= 10 for u, v in places):
+                places.append(place)
+                cv2.putText(image, str(number), place, *LETTERS, colour, lineType=cv2.LINE_AA)
         return image
 
 
@@ -194,6 +201,18 @@ def painted(
         ]
         area[...] = np.rint(255.0 * OPACITY * colours[row] + (1.0 - OPACITY) * area)
     return picture
+
+
+def with_depth_scale(image: np.ndarray) -> np.ndarray:
+    """An RGB image (H, W, 3) uint8 with the colours of depth below it, and their depths in m."""
+    ticks, width = np.log(style.DEPTH_TICKS), image.shape[1]
+    strip = np.full((30, width, 3), 255, dtype=np.uint8)
+    depths = np.exp(np.linspace(ticks[0], ticks[-1], width))
+    strip[:12] = np.rint(255.0 * style.depth_colours(depths))
+    for depth, share in zip(style.DEPTH_TICKS, (ticks - ticks[0]) / np.ptp(ticks), strict=True):
+        place = (int(share * (width - 45)), 26)
+        cv2.putText(strip, f"{depth:g} m", place, *LETTERS, (0, 0, 0), lineType=cv2.LINE_AA)
+    return np.vstack([image, strip])
 
 
 def _rgb(colour: str) -> np.ndarray:
@@ -223,9 +242,9 @@ def camera_pictures(
 
     Gives `k0033/left.png` (in colour; as rendered, without noise), `disparity.png`,
     `occupancy.png`, `free_space.png`, `height.png` and `stixels.png` (over the camera's grey
-    image), pixel by pixel, and `camera.png`, all of them on one page with titles, legend and
-    colours of depth. Only the times of `ego_motion` are used. With `objects`, their boxes are drawn
-    over the stixels.
+    image, the colours of depth below it), pixel by pixel, and `camera.png`, all of them on one page
+    with titles and legend. Only the times of `ego_motion` are used. With `objects`, their boxes are
+    drawn over the stixels.
     """
     # Of a recording, the stack has the one image.
     single = isinstance(rendered, ImageStack)
@@ -242,6 +261,7 @@ def camera_pictures(
     with style.drawing({"axes.spines.top": True, "axes.spines.right": True}):
         page = _page(view, images, style.title("Camera", frame, float(ego_motion.times[frame])))
         files = {"camera": style.png(*page)}
+    images["stixels"] = with_depth_scale(images["stixels"])
     files |= {name: encode_png(image) for name, image in images.items()}
     return Pictures({f"k{frame:04d}/{name}.png": data for name, data in files.items()})
 

@@ -153,11 +153,11 @@ def _draw_strip(
     axes: Axes, track: Track, scenario: Scenario, poses: np.ndarray, chosen, size: float
 ) -> None:
     """The contours at `chosen` in the frame of the target at `poses` (K, 3), next to each other."""
-    # For the greatest radius with its band; at most a quarter over `size`.
+    # For the greatest radius with its band; a lost estimate would make the others too small to see.
     frames = list(chosen)
     away = np.linalg.norm(track.contours_world[frames] - poses[frames, None, :2], axis=2)
     reach = away + 2.0 * track.contour_std[frames]
-    size = float(np.clip(np.nanmax(reach, initial=size), size, 1.25 * size))
+    size = float(np.clip(np.nanmax(reach, initial=size), size, 1.7 * size))
     width, height = CELL[0] * size, CELL[1] * size
     for i, k in enumerate(chosen):
         pose, centre = poses[k], np.array([(i + 0.5) * width, 0.0])

@@ -52,10 +52,24 @@ def tracker_noise(tracker: Any, scans: Scans) -> tuple[str, np.ndarray, float | 
     if kind in ("point", "box", "gp_ekf"):
         std = tracker.measurement_std
         same = np.broadcast_to(std**2 * np.eye(2), scans.covariances_world.shape)
-        return f"R = ({std:.3g} m)² for each of them", same, std
+        return f"R = (measurement_std, {std:.3g} m)² for each of them", same, std
     if kind in ("pyrecest", "rectangle"):
         std = tracker.measurement_std
         added = scans.covariances_world + std**2 * np.eye(2)
-        return f"R = the scan's + ({std:.3g} m)²", added, None
-    of_shape = ", and the shape's error" if kind == "contour" else ""
-    return f"the covariance that the scan states{of_shape}", scans.covariances_world, None
+        return f"R = the scan's + (measurement_std, {std:.3g} m)²", added, None
+    if kind == "contour":
+        stretched = _stretched(scans, tracker.noise_factor)
+        text = f"R along the ray = ({tracker.noise_factor:g} σ)², and the shape's error"
+        return text, stretched, None
+    return "the covariance that the scan states", scans.covariances_world, None
+
+
+def _stretched(scans: Scans, factor: float) -> np.ndarray:
+    """Covariances (P, 2, 2) m² with a `factor` on the standard deviation along the ray."""
+    k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
+    rays = scans.points_world - scans.sensor_poses_world[k, :2]
+    rays /= np.maximum(np.linalg.norm(rays, axis=1), 1e-9)[:, None]
+    along = np.einsum("pi,pij,pj->p", rays, scans.covariances_world, rays)
+    across = np.trace(scans.covariances_world, axis1=1, axis2=2) - along
+    squares = rays[:, :, None] * rays[:, None, :]
+    return (factor**2 * along - across)[:, None, None] * squares + across[:, None, None] * np.eye(2)

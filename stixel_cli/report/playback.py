@@ -100,7 +100,7 @@ def headline_of(run: RunResult) -> list[list[str]]:
     references = {
         iou: (metrics.get("iou_baseline"), "baseline"),
         "centre_rmse_m": (centre, "mean of its points"),
-        "orientation_rmse_deg": (orientation, "way of that mean over 1 s"),
+        "orientation_rmse_deg": (orientation, "motion of that mean, over 1 s"),
         "nees_position_mean": (1.0, "consistent"),
     }
     rows: list[list[str]] = []

@@ -9,7 +9,6 @@ import numpy as np
 
 from stixel_cli.answers.runs import Runs
 from stixel_cli.errors import MissingData
-from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.results.result import RunResult
 from stixel_cli.studies.report import DATA, data_folder, shipped_meshes, with_columns
 
@@ -20,11 +19,7 @@ CLIP, CARS = "0005", (31, 0, 1)
 """KITTI tracking's clip with images, and its cars."""
 
 FOUND_AGAIN = 0.4
-"""A target is found again if its box has this IoU one second after a gap, or half a second after it
-comes out from behind something."""
-
-SHOWN, NEAR = 5, 0.2
-"""A scan shows a target with so many points within its box and this far around it, m."""
+"""A target is found again if its box has this IoU one second after a gap."""
 
 COLUMNS = {
     "shape": ("road_user.mesh", lambda path: f"{Path(path).stem}, {Path(path).parent.name}"),
@@ -90,9 +85,6 @@ def columns(name: str, runs: Runs, results: Sequence[RunResult]) -> Runs:
     found = with_columns(Runs(frame, axes), **texts)
     if "gap" in texts:
         found = with_columns(found, found_again=[_found_again(run) for run in results])
-    if "world.occluder" in runs.axes:
-        seen, again = zip(*map(_while_shown, results), strict=True)
-        found = with_columns(found, iou_box_while_shown=seen, found_again=again)
     return found
 
 
@@ -102,21 +94,3 @@ def _found_again(run: RunResult) -> float:
     times = run.scores.times - run.scores.times[0]
     at = int(np.argmin(np.abs(times - after)))
     return float(run.scores.iou_box[at] >= FOUND_AGAIN)
-
-
-def _while_shown(run: RunResult) -> tuple[float, float]:
-    """Mean IoU of the box over the scans that show the target; whether it was found again, 0 or 1.
-
-    NaN if no scan shows it, and if none does after half a second in which none did.
-    """
-    scenario, scans = run.load("scenario"), run.load("scans")
-    half = np.abs(scenario.contours_target).max(axis=(0, 1)) + NEAR
-    shown = np.zeros(len(scans), bool)
-    for k, pose in enumerate(scenario.target_poses_world):
-        points = target_from_world(scans.points_world[scans.rows(k)], pose)
-        shown[k] = (np.abs(points) < half).all(axis=1).sum() >= SHOWN
-    soon = round(0.5 / float(np.diff(scans.times).mean()))
-    out = [k for k in np.flatnonzero(shown[soon:]) + soon if not shown[k - soon : k].any()]
-    overlaps = run.scores.iou_box
-    again = float(overlaps[out[0] : out[0] + soon + 1][-1] >= FOUND_AGAIN) if out else np.nan
-    return float(overlaps[shown].mean()) if shown.any() else np.nan, again

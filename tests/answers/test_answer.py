@@ -153,6 +153,10 @@ def test_a_sentence_names_the_last_option_and_counts_more():
     assert of_values(same).ask().sentence.endswith("not shown to differ: b, c, d, e and 2 more.")
     del same["g"]
     assert of_values(same).ask().sentence.endswith("not shown to differ: b, c, d, e and f.")
+    one_worse = same | {"b": {"turn": [0.1, 0.2, 0.3, 0.4]}}
+    answer = of_values(one_worse).ask()
+    assert answer.sentence.endswith("not shown to differ: c, d, e and f; worse: b.")
+    assert repr(answer) == f"<Answer: {answer.sentence}>"
 
 
 def test_two_units_claim_nothing():

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
+from matplotlib.patches import Polygon, Rectangle
 from playback_runs import make_run, with_objects
 from report_nouns import (
     make_camera_nouns,
@@ -94,7 +96,8 @@ def test_camera_pictures_have_all_panels(kind):
 
 def test_camera_pictures_keep_the_pixels_and_paint_stixels_by_depth_and_objects():
     inputs = make_camera_inputs(make_rig(640, 200))
-    plain = decode_image(camera_pictures(**inputs).files["k0005/stixels.png"])
+    name = "k0005/stixels.png"
+    plain = decode_image(camera_pictures(**inputs).files[name])
     stixels, grey = inputs["stixels"], inputs["pairs"].left[5 - inputs["pairs"].first]
     rows = stixels.rows(5 - stixels.first)
     row = rows.start + int(np.argmin(stixels.depth[rows]))  # nothing covers the nearest one
@@ -104,8 +107,14 @@ def test_camera_pictures_keep_the_pixels_and_paint_stixels_by_depth_and_objects(
     box = np.array([[10, 60, 20, 90]])
     counts, of_stixels = np.ones(1, np.int64), np.full(len(stixels.depth), -1, np.int32)
     one = Objects(5, np.array([0, 1]), box, np.zeros((1, 4, 2)), counts, of_stixels)
-    boxed = decode_image(camera_pictures(**inputs, objects=one).files["k0005/stixels.png"])
+    boxed = decode_image(camera_pictures(**inputs, objects=one).files[name])
     assert (boxed[90, 10:60] == boxed[90, 10]).all() and (boxed[90, 10] != plain[90, 10]).any()
+    # A number that would cover another is left out.
+    two = replace(one, boxes=box[[0, 0]], offsets=np.array([0, 2]))
+    assert np.array_equal(decode_image(camera_pictures(**inputs, objects=two).files[name]), boxed)
+    # Below the image, the colours of depth from the nearest to the farthest.
+    ends = style.depth_colours(np.array(style.DEPTH_TICKS)[[0, -1]])
+    assert np.array_equal(plain[200, [0, -1]], np.rint(255.0 * ends))
     picture = decode_image(camera_pictures(**inputs).files["k0005/left.png"])
     image = inputs["rendered"].left[1]
     assert np.array_equal(picture, image)
@@ -129,7 +138,7 @@ def test_camera_pictures_accept_empty_results():
     files = camera_pictures(**inputs).files
     check_pngs({"camera.png": files["k0005/camera.png"]})
     grey = np.repeat(inputs["pairs"].left[5 - inputs["pairs"].first][..., None], 3, axis=2)
-    assert np.array_equal(decode_image(files["k0005/stixels.png"]), grey)
+    assert np.array_equal(decode_image(files["k0005/stixels.png"])[: len(grey)], grey)
 
 
 def test_used_points_have_the_ellipses_of_the_tracker_s_noise(run, monkeypatch):
@@ -225,6 +234,21 @@ def test_spaced_frames_keep_their_distance():
     assert np.diff(places[list(chosen), 0]).min() > 3.0
     assert spaced_frames(np.zeros((7, 2)), size=1.0) == (6,)
     assert spaced_frames(np.zeros((1, 2)), size=1.0) == (0,)
+
+
+def test_an_estimate_beside_the_target_is_not_cut_below_the_path(run):
+    """Half a radius ahead of it: the rectangle of a scan comes after what it cuts."""
+    track, headings = run["track"], run["scenario"].target_poses_world[:, None, 2]
+    ahead = 1.2 * np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+    moved = replace(track, contours_world=track.contours_world + ahead)
+    strip, outlines = path_figure(moved, run["scenario"], VIEW).axes[1], []
+    for patch in strip.patches:
+        if isinstance(patch, Rectangle):
+            ends = np.concatenate(outlines)[:, 0]
+            assert patch.get_x() <= ends.min() and ends.max() <= patch.get_x() + patch.get_width()
+            outlines = []
+        elif isinstance(patch, Polygon) and patch.get_edgecolor() == to_rgba(style.ESTIMATE):
+            outlines.append(patch.get_xy())
 
 
 def test_the_times_along_a_path_are_inside_its_axes(run):

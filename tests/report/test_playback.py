@@ -234,12 +234,11 @@ def test_an_isotropic_noise_is_one_number_and_the_scan_s_own_is_not_stored_again
     assert noise("tracker.measurement_std=0.4")["std"] == 400
     for kind in ("point", "box"):
         assert noise(f"tracker={kind}", "tracker.measurement_std=0.25")["std"] == 250
-    for kind in ("gm_mem_ekf", "contour"):
-        found = noise(f"tracker={kind}")
-        assert found["std"] is found["ellipses"] is None
+    found = noise("tracker=gm_mem_ekf")
+    assert found["std"] is found["ellipses"] is None
 
 
-def test_added_noise_has_own_ellipses(noise, monkeypatch):
+def test_added_and_stretched_noise_have_own_ellipses(noise, monkeypatch):
     run = make_run()
     used = run.track.used_points[slice(*run.track.used_offsets[2:4])]
     covariances = run.scans.covariances_world[used]
@@ -255,4 +254,7 @@ def test_added_noise_has_own_ellipses(noise, monkeypatch):
     assert many["ellipses"] is None and many["text"].endswith("too many points to show it")
     traces = (added[:, :2] ** 2).sum(axis=1) / 1e6
     assert traces == pytest.approx(np.trace(covariances, axis1=1, axis2=2) + 0.18, rel=0.01)
-    assert noise("tracker=contour")["text"].endswith("and the shape's error")
+    stretched = noise("tracker=contour", "tracker.noise_factor=3.0")
+    major = np.reshape(stretched["ellipses"][2], (-1, 3))[:, 0] / 1e3
+    # The made scans have their noise along the ray.
+    assert major == pytest.approx(3.0 * np.sqrt(np.linalg.eigvalsh(covariances)[:, 1]), rel=0.05)

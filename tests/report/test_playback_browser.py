@@ -144,7 +144,7 @@ def test_used_points_have_the_trackers_noise_and_footprints_are_on_the_road(one)
     # The other points have the covariance that the scan states.
     unused = page.locator("#ellipses-unused").get_attribute("d")
     assert np.array(re.findall(r"A(\S+) ", unused), dtype=float) == pytest.approx(0.2)
-    assert f"with R = ({std:.3g} m)²" in page.locator("#scan-caption").inner_text()
+    assert f"with R = (measurement_std, {std:.3g} m)²" in page.locator("#scan-caption").inner_text()
     rig = run.composition.configuration.rig
     for k in (0, 7):
         to(page, k)

@@ -12,10 +12,8 @@ import pytest
 from stixel_cli.answers.runs import Runs
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import MissingData
-from stixel_cli.geometry.pose import rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import fabricate_scans
-from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.studies import motions, robustness, rq1, rq3
@@ -146,24 +144,6 @@ def test_a_target_is_found_again_one_second_after_a_gap():
     assert robustness._found_again(run) == 1.0
     overlaps[4] = 0.39
     assert robustness._found_again(run) == 0.0
-
-
-def test_what_is_hidden_counts_only_while_it_is_shown_and_must_be_found_soon():
-    """Shown in scans 0, 1, 8 and 9 of ten; half a second after it comes out is the last."""
-    near, far = np.tile([3.0, 9.9], (5, 1)), np.tile([3.0, 12.0], (9, 1))
-    scans = [near if k in (0, 1, 8, 9) else far for k in range(10)]
-    scans = [(points, np.tile(np.eye(2), (len(points), 1, 1))) for points in scans]
-    scans = Scans.of_each(0.1 * np.arange(10), np.zeros((10, 3)), scans)
-    poses, contours = np.tile([3.0, 9.0, 0.0], (10, 1)), rectangle(4.0, 2.0)[None]
-    scenario = SimpleNamespace(contours_target=contours, target_poses_world=poses)
-    overlaps = np.array([0.8, 0.6, *[0.0] * 6, 0.1, 0.5])
-    load = {"scenario": scenario, "scans": scans}.get
-    run = SimpleNamespace(load=load, scores=SimpleNamespace(iou_box=overlaps))
-    assert robustness._while_shown(run) == (pytest.approx(0.5), 1.0)
-    overlaps[9] = 0.3
-    assert robustness._while_shown(run)[1] == 0.0
-    scenario.target_poses_world = scenario.target_poses_world + 50.0
-    assert np.isnan(robustness._while_shown(run)).all()
 
 
 def test_a_real_track_is_a_motion_and_a_hand_made_path_is_one():

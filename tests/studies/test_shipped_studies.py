@@ -102,7 +102,6 @@ EMPTY = (FRAME, columns_of("disparity", "error", "square", "sigma", "lateral", "
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
     monkeypatch.setattr(robustness, "_found_again", lambda run: 1.0)
-    monkeypatch.setattr(robustness, "_while_shown", lambda run: (1.0, 1.0))
     study = study_of(name)
     frames = {sweep.name: with_module(study, sweep) for sweep in study.sweeps}
     asked_of = set()

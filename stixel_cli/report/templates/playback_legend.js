@@ -50,8 +50,8 @@ function describe() {
   entries.push(
     [area(runs.length === 1 ? "var(--estimate)" : "var(--faint)", 0.25), "± 2σ of the contour"],
     [lineSwatch(runs.length === 1 ? "var(--estimate)" : "var(--faint)", "4 3", 1.5), "2σ ellipse of the centre"],
-    [dot("var(--used)"), runs.every((run) => run.noise.known) ? "used point, with the tracker's R (1σ)" : runs.some((run) => run.noise.used) ? "used point, with 1σ" : "point, with the scan's 1σ"],
-    ...(runs.some((run) => run.noise.used) ? [[dot("var(--unused)"), "unused point, with the scan's 1σ"]] : []),
+    [dot("var(--used)"), runs.every((run) => run.noise.known) ? "used point; ring: the noise R that the tracker assumes, 1σ" : runs.some((run) => run.noise.used) ? "used point; ring: 1σ" : "point; ring: the scan's 1σ"],
+    ...(runs.some((run) => run.noise.used) ? [[dot("var(--unused)"), "unused point; ring: the scan's 1σ"]] : []),
     [(picture) => { svg("path", { d: "M16 0 22 12H10Z" }, picture).style.fill = "var(--ego)"; }, "ego car's sensor"],
     ...(runs.some((run) => run.fieldOfView) ? [[area("var(--field-of-view)", 0.35), "field of view"]] : []),
     [area("var(--consistent)", 1), `${data.series.filter((one) => BOUNDS[one.name]).map((one) => one.name === "nis" ? "NIS" : "NEES").join(", ")}: 95 % interval of a consistent filter`],
