@@ -12,10 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_742
+TOTAL = 45_727
 """Greatest number of lines in all."""
 
-MODULES = 248
+MODULES = 247
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2065,
     "studies": 1618,
     "sweeps": 1999,
-    "tracking": 6626,
+    "tracking": 6611,
     "validation": 1103,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -17,9 +17,8 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.tracking.contour import contour
-from stixel_cli.tracking.contour.class_probabilities import CONTRADICTED
 from stixel_cli.tracking.contour.class_shape import class_shape
-from stixel_cli.tracking.contour.contour import track
+from stixel_cli.tracking.contour.contour import CONTRADICTED, track
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
 from stixel_cli.tracking.motion import intervals
@@ -145,7 +144,7 @@ def test_each_scan_has_the_state_of_the_class_that_it_reports(monkeypatch):
     scans = Scans.of_each(*first, each, field_of_view=whole.field_of_view)
     unknown = compose(["prior=unknown", "tracker=contour", "measurement=fabricated"]).configuration
     initial = noisy_start(scenario, p.start, SEED)
-    monkeypatch.setattr(contour, "CONTRADICTED", 1e6)
+    monkeypatch.setattr(contour, "DROPPED", np.inf)
 
     def reporting(classes):
         chosen = iter(classes)
@@ -182,7 +181,7 @@ def test_the_other_classes_change_nothing_while_the_prior_fits(user):
 @pytest.mark.parametrize(("user", "prior"), list((OTHERS | {"car": "unknown"}).items()))
 def test_classes_that_are_dropped_would_change_nothing(user, prior, monkeypatch):
     expected = of_prior(user, prior)
-    monkeypatch.setattr(contour, "CONTRADICTED", 1e6)
+    monkeypatch.setattr(contour, "DROPPED", np.inf)
     found = of_prior.__wrapped__(user, prior)
     np.testing.assert_array_equal(found.means, expected.means)
     np.testing.assert_array_equal(found.class_replaced, expected.class_replaced)
@@ -192,7 +191,7 @@ def test_classes_that_are_dropped_would_change_nothing(user, prior, monkeypatch)
 
 @pytest.mark.parametrize("user", USERS)
 def test_only_a_class_that_is_not_contradicted_looks_for_its_target_again(user, monkeypatch):
-    """Where the scans contradict it, it does not: looking again takes thirteen updates."""
+    """Where the scans contradict it, it does not: looking again takes seven updates."""
     filters, recovers = {}, {}
     step = ClassFilter.step
 

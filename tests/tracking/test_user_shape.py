@@ -8,13 +8,6 @@ from refusals import refused
 
 from stixel_cli.config.compose import compose
 from stixel_cli.scene.parameters import CLASS_ROWS, ROAD_USER_CLASSES
-from stixel_cli.tracking.contour.class_probabilities import (
-    CONTRADICTED,
-    log_weight,
-    probabilities_of,
-    reported_class,
-    start_of_other,
-)
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape
 from stixel_cli.tracking.contour.class_size import (
     CLASS_SHAPES,
@@ -22,6 +15,13 @@ from stixel_cli.tracking.contour.class_size import (
     class_size,
     possible_sizes,
 )
+from stixel_cli.tracking.contour.contour import (
+    CONTRADICTED,
+    probabilities_of,
+    reported_class,
+    start_of_other,
+)
+from stixel_cli.tracking.contour.contour_filter import log_weight
 from stixel_cli.tracking.contour.user_shape import MOST_VERTICES, read_class, read_outline
 from stixel_cli.tracking.track import REPORTED, InitialState
 

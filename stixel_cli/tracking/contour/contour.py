@@ -1,28 +1,47 @@
-"""The tracker `contour`: one filter per class (`contour_filter.py`), and which one is reported."""
+"""The tracker `contour`: one filter per class (`contour_filter.py`), and which one is reported.
 
-from collections.abc import Sequence
+The classes are equally probable at first. After the scans up to k, the log weight of a class is
+
+    sum of log likelihoods  -  d²/2  -  v²/2(s² + V)  -  log(s² + V)/2
+
+The likelihood is that of the measurements that the class's filter used, points and silhouettes, in
+1/m each. The classes gate different points, so each measurement is compared with clutter that is
+even over the gate of the point (`gate_widths`), and has a density of 1/m at an end: a class that
+leaves out a point pays for it as if it were clutter, and points that no class uses cancel. At one
+density for all, the far points of a car, uncertain by 1 m, are less likely than clutter, and its
+front becomes a pedestrian. Size and speed are facts of the state, not of a scan, so they count
+once: d is how far the estimated length or width is from the mean of the class, in its standard
+deviations; v is the speed, V its variance, and s how fast the class moves. Seen from the front,
+little but the speed separates cyclists from pedestrians. A start with the sensor's motion has a
+speed that says nothing yet: V is large.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.background import Background
-from stixel_cli.tracking.contour.class_probabilities import (
-    CONTRADICTED,
-    probabilities_of,
-    reported_class,
-    start_of_other,
-)
-from stixel_cli.tracking.contour.class_size import class_size, states_size
+from stixel_cli.tracking.contour.class_size import ClassSize, class_size, states_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import FACES, Rays, rays_of
 from stixel_cli.tracking.contour.forms import forms_of, free_form
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import OTHER, InitialState, Track, used_rows
+from stixel_cli.tracking.track import OTHER, REPORTED, InitialState, Track, used_rows
+
+CONTRADICTED, DROPPED = 50.0, 100.0
+"""The scans contradict the prior's class once the log odds of another are above the first. Any other
+class is dropped at the second: in 108 runs with a wrong one, the right one was never below -68.
+
+The errors of successive scans are alike, so a wrong class may be more likely for some scans: at the
+odds of 100 : 1 that was so in one of 45 runs of tuning seeds, a cyclist seen from its front.
+"""
 
 GREATEST_DEVIATION = 3.0
 """A target whose size is farther from a class's mean, in its standard deviations, is not of it."""
@@ -51,8 +70,8 @@ class ClassBank:
     """One filter for each class and form that the target may have, and one of no class.
 
     A filter tracks the target until the scans rule its class out. If the prior's class is
-    `unknown`, each scan reports the most probable class, see `class_probabilities`. A known class
-    is reported until the scans contradict it; if they do not, the others change nothing.
+    `unknown`, each scan reports the most probable class. A known class is reported until the scans
+    contradict it; if they do not, the others change nothing.
     """
 
     def __init__(
@@ -103,7 +122,7 @@ class ClassBank:
         self._kept = {
             (road_user, form): one
             for (road_user, form), one in self._kept.items()
-            if one.log_weights[-1] >= self._best - 2.0 * CONTRADICTED
+            if one.log_weights[-1] >= self._best - DROPPED
             or road_user == (self._own if one.sight.residual else self._assumed)
         }
 
@@ -185,6 +204,19 @@ def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
     return bool((np.abs(stated - size.mean) <= GREATEST_DEVIATION * stds).all())
 
 
+def start_of_other(initial: InitialState, size: np.ndarray, other: ClassSize) -> InitialState:
+    """A start that was made with the `size` (2,) m of one class, for another class.
+
+    The sides that were seen may be those of either class, so the place is uncertain by half of the
+    differences in length and width.
+    """
+    heading = initial.mean[2]
+    turn = rotation(heading)
+    covariance = initial.covariance.copy()
+    covariance[:2, :2] += turn @ np.diag((0.5 * (size - other.mean)) ** 2) @ turn.T
+    return InitialState(initial.mean, covariance)
+
+
 def _of_class(
     road_user: str, initial: InitialState, prior: PriorShape, tracker: ContourParameters
 ) -> tuple[InitialState, PriorShape, ContourParameters]:
@@ -201,6 +233,22 @@ def _of_class(
         replace(prior, road_user=road_user, length=length, width=width),
         replace(tracker, length_std=length_std, width_std=width_std),
     )
+
+
+def probabilities_of(log_weights: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What is reported to probability (K,), given the scans up to k; 0 without a weight."""
+    weights = np.stack(list(log_weights.values()))
+    odds = np.exp(weights - weights.max(axis=0))
+    excluded = dict.fromkeys(REPORTED, np.zeros(weights.shape[1]))
+    return excluded | dict(zip(log_weights, odds / odds.sum(axis=0), strict=True))
+
+
+def reported_class(log_weights: Mapping[str, float], assumed: str | None) -> str:
+    """The most probable class; but that which is `assumed`, until the scans contradict it."""
+    best = max(log_weights, key=log_weights.__getitem__)
+    if assumed is None or log_weights[best] - log_weights[assumed] > CONTRADICTED:
+        return best
+    return assumed
 
 
 def _joined(tracks: Sequence[Track]) -> Track:

@@ -37,8 +37,8 @@ from dataclasses import replace
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
+from stixel_cli.scene.parameters import CLASS_ROWS, ClassRow
 from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance
-from stixel_cli.tracking.contour.class_probabilities import class_row, log_weight
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, associate, at_heights
@@ -75,7 +75,7 @@ class ClassFilter:
     as the filters of all classes take the same scan before the next.
 
     Attributes:
-        log_weights: of the class after each scan, see `class_probabilities`.
+        log_weights: of the class after each scan, see `contour.py`.
         size_deviations: of the size from the class's after each scan, in its standard deviations.
     """
 
@@ -249,6 +249,33 @@ class ClassFilter:
             box_sizes=box_sizes(means, self._shape, residual),
             size_deviations=np.array(self.size_deviations[scans]),
         )
+
+
+def class_row(road_user: str) -> ClassRow:
+    """The row of a class; that of a car for one that the user's file gives, and for no class."""
+    return CLASS_ROWS.get(road_user, CLASS_ROWS["car"])
+
+
+def log_weight(
+    sum_of_log_likelihoods: float,
+    size_deviation: float,
+    speed: float,
+    speed_variance: float,
+    road_user: str,
+) -> float:
+    """Log weight of a class, see `contour.py`; -1e9 if it is not finite.
+
+    Args:
+        sum_of_log_likelihoods: over the scans.
+        size_deviation: d.
+        speed, speed_variance: v in m/s and V.
+        road_user: the class.
+    """
+    variance = class_row(road_user).speed ** 2 + speed_variance
+    weight = sum_of_log_likelihoods - 0.5 * (
+        size_deviation**2 + speed**2 / variance + np.log(variance)
+    )
+    return weight if np.isfinite(weight) else -1e9
 
 
 def start(
