@@ -36,8 +36,8 @@ from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import OTHER, REPORTED, InitialState, Track, used_rows
 
 CONTRADICTED, DROPPED = 50.0, 100.0
-"""The scans contradict the prior's class once the log odds of another are above the first. Any other
-class is dropped at the second: in 108 runs with a wrong one, the right one was never below -68.
+"""The scans contradict the prior's class once the log odds of another are above the first. Any
+other class is dropped at the second: of 108 runs with a wrong one, the right was never below -68.
 
 The errors of successive scans are alike, so a wrong class may be more likely for some scans: at the
 odds of 100 : 1 that was so in one of 45 runs of tuning seeds, a cyclist seen from its front.
