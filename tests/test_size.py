@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_727
+TOTAL = 45_724
 """Greatest number of lines in all."""
 
 MODULES = 247
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2065,
     "studies": 1618,
     "sweeps": 1999,
-    "tracking": 6611,
+    "tracking": 6608,
     "validation": 1103,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -16,7 +16,6 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_shape import (
-    LEAST_COSINE,
     MODE_ANGLES,
     class_shape,
     height_insets,
@@ -25,7 +24,7 @@ from stixel_cli.tracking.contour.class_shape import (
     visible_table,
 )
 from stixel_cli.tracking.contour.contour_rays import FACES, Rays, at_heights, rays_of, segments
-from stixel_cli.tracking.contour.ray_kernels import expected
+from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, expected
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise
 from stixel_cli.tracking.kalman import correct

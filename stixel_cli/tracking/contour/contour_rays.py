@@ -11,14 +11,13 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.contour.class_shape import (
     HEIGHTS,
-    LEAST_COSINE,
     class_shape,
     height_insets,
     visible_shape,
     visible_table,
 )
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.ray_kernels import expected
+from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, expected
 from stixel_cli.tracking.contour.ray_table import RayTable
 from stixel_cli.tracking.contour.residual import Residual
 

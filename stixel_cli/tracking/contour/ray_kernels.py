@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from stixel_cli.tracking.contour.class_shape import LEAST_COSINE
-
 CAP = 0.5
 """Of half the length or the width: a change of the size moves what is nearer to an end by as much
 as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks real cars whose front
@@ -19,6 +17,9 @@ is rounder than the class's."""
 LEAST_STEP, GREATEST_STEP = 0.02, 0.3
 LEAST_TURN, GREATEST_TURN = 0.01, 0.2
 """Bounds of the steps of the central differences, m and rad."""
+
+LEAST_COSINE = 0.2
+"""Of the angle between a ray and a face's normal: the effect of an oblique face has this limit."""
 
 SIZE_STEP = 0.3
 """Greatest change of a factor of the size in one iteration, relative: slopes are local."""
