@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.files import read_bytes
+from stixel_cli.files import read_bytes, remembered
 from stixel_cli.recordings.kitti_tables import GREATEST, MOST_ROWS, seen_box, tracks_of
 from stixel_cli.recordings.times import GREATEST_GAP, poses_at, unit_rotations
 from stixel_cli.recordings.types import Calibration, Recording, Rectification, Tables, Tracks
-from stixel_cli.remembered import remembered
 from stixel_cli.scene.parameters import CLASS_ROWS
 
 if TYPE_CHECKING:

@@ -26,10 +26,9 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.files import read_text, read_xml
+from stixel_cli.files import read_text, read_xml, remembered
 from stixel_cli.geometry.pose import rectangle
 from stixel_cli.recordings.types import Calibration, Labels, Tables, Tracks
-from stixel_cli.remembered import remembered
 
 MOST_ROWS = 1_000_000
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
+from stixel_cli.files import remembered
 from stixel_cli.recordings import kitti_tables
 from stixel_cli.recordings.types import Calibration, Tracks
-from stixel_cli.remembered import remembered
 
 VISIBLE = 0.7
 """Least share of its box that a vehicle in full view fills: chosen here, not by the data set."""
