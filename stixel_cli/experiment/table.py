@@ -157,7 +157,9 @@ TABLE: dict[str, Definition] = {
         "recordings.truth:label_truths", "rig recording.tables", recorded="label_files"
     ),
     "label_scores": stage("evaluation.label_scores:score_tracks", "road_user=road_user.kind"),
-    "scores": stage("evaluation.evaluate:evaluate", "road_user=true_class"),
+    "scores": stage(
+        "evaluation.evaluate:evaluate", "own=metrics road_user=true_class", code=("metrics",)
+    ),
     "stage_errors": stage(
         "validation.stage_errors:stage_errors", "rig road occupancy free_space", "map"
     ),
@@ -204,13 +206,8 @@ OWN: dict[str, Definition] = {
         files=FILES_OF_PRIOR,
         code=("tracker.function",),
     ),
-    "scores": stage(
-        "evaluation.own_metrics:evaluate_with_own",
-        "metrics road_user=true_class",
-        code=("metrics",),
-    ),
 }
-"""The stages that replace those of `TABLE` where the user chooses own functions."""
+"""The stage that replaces that of `TABLE` where the tracker is the user's own function."""
 
 PICTURES = tuple(name for name, stage in TABLE.items() if stage.pictures)
 """The stages that draw; their nodes have the same names."""
