@@ -171,8 +171,9 @@ TABLE: dict[str, Definition] = {
         recorded="pose_files",
     ),
     "calibrated_rig": stage("calibration.calibrated_rig:calibrated_rig"),
-    "occupancy": stage("stixels.displayed_grid:picture_grid", "rig road occupancy", "pick"),
-    "camera_pictures": stage("pictures.camera:camera_pictures", "rig", "pick", pictures=True),
+    "camera_pictures": stage(
+        "pictures.camera:camera_pictures", "rig road occupancy", "pick", pictures=True
+    ),
     "camera_frames": stage("pictures.camera:camera_frames", "rig road occupancy", "map"),
     "track_pictures": stage(
         "pictures.birds_eye:track_pictures", "field_of_view tracker", "pick", pictures=True
