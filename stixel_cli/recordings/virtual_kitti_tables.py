@@ -83,8 +83,6 @@ def _of_left_camera(
         place = f"{file}: row {row}"
         if camera != 0:
             continue
-        if min(frame, track) < 0 or frame % 1 or track % 1:
-            raise UserError(f"{place}: frame and trackID must be whole numbers ≥ 0")
         if (frame, track) in found:
             raise UserError(f"{place}: track {track:g} is labelled twice in frame {frame:g}")
         found[frame, track] = place, values
