@@ -113,7 +113,7 @@ def assess_stixels(file: StixelFile, composition: Composition | None) -> Assessm
     stixels = replace(stixels, disparity=np.where(np.isnan(disparity), of_depth, disparity))
     nearest = nearest_disparity(stixels, 0, rig.width)[None]
     nothing = np.full(nearest.shape, -1, dtype=np.int32)
-    free_space = FreeSpace(0, nearest.astype(np.float32), nothing, np.zeros((1, 2)))
+    free_space = FreeSpace(0, nearest.astype(np.float32), nothing, np.zeros((1, 2)), nothing)
     values, maps = _against_truth(stixels, free_space, image, composition)
     return Assessment(dict.fromkeys(LABELS) | values, pictures | maps, {})
 

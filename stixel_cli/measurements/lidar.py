@@ -64,7 +64,7 @@ def lidar_scans(
     / 12 across. `field_of_view` has the bearings of the lidar's right and left border, rad.
     """
     scans, heights = [], []
-    for k, pose in enumerate(ego_motion.poses_world):
+    for k, (_, pose) in enumerate(zip(returns.ranges, ego_motion.poses_world, strict=True)):
         random = generator(seed, "lidar", k)
         *points, height = _scan(returns, k, pose, measurement, random)
         scans.append(tuple(points))

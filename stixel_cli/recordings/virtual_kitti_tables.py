@@ -68,8 +68,8 @@ def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
             if kind is None:
                 raise UserError(f"{info}: track {track:g} of {pose.name} is missing")
             *box, truncated, filled = boxes[frame, track][1]
-            flags = [truncated, float(filled < VISIBLE), 0.0]
-            labels.append((place, kind, frame, track, *flags, *box, *values))
+            hidden = float(filled < VISIBLE)
+            labels.append((place, kind, frame, track, truncated, hidden, *box, *values))
     return kitti_tables.tracks_of(labels)
 
 

@@ -46,7 +46,7 @@ TRACKER = compose().configuration.tracker
 def make_camera_inputs(rig, kind="polar"):
     rng = np.random.default_rng(4)
     rendered, pairs, disparities, free_space, stixels = make_camera_nouns(rig, rng)
-    configuration = compose(f"occupancy={kind}").configuration
+    configuration = compose([f"occupancy={kind}"]).configuration
     return {
         "rendered": rendered,
         "pairs": pairs,
