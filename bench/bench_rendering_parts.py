@@ -20,13 +20,17 @@ from small import sized
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import encode_png, encode_pnm
 from stixel_cli.rendering import tracing
-from stixel_cli.rendering.edges import edge_pixels
 from stixel_cli.rendering.frames import DEPTH_STEP
 from stixel_cli.rendering.parameters import RaycastParameters
 from stixel_cli.rendering.placement import numbered_objects, rig_cameras, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.sensor_noise import LUMA, grey_levels, normal_quantiles
-from stixel_cli.rendering.supersampling import Centres, sample_offsets, supersampled
+from stixel_cli.rendering.supersampling import (
+    Centres,
+    edge_pixels,
+    sample_offsets,
+    supersampled,
+)
 from stixel_cli.rendering.surfaces import srgb_from_linear
 from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.scene.parameters import RoadUser, World

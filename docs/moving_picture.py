@@ -60,7 +60,7 @@ def from_above(result: RunResult, k: int) -> np.ndarray:
         wide.set(xlim=(-13, 13), ylim=(-0.5, 25.2))
         near.set(xlim=mean[0] + [-3.2, 3.2], ylim=mean[1] + [-3.2, 3.2], xticks=[], yticks=[])
         near.spines[:].set_visible(False)
-        ground.draw_ego(wide, scenario.ego_poses_world[k], size=8)
+        ground.draw_sensor(wide, scenario.ego_poses_world[k], None)
         wide.plot(*track.means[: k + 1, :2].T, color=style.ESTIMATE, linewidth=0.8)
         for axes, size in ((wide, 2), (near, 5)):
             axes.plot(*points.T, ".", color=style.UNUSED, markersize=size)

@@ -10,11 +10,11 @@ import re
 import stat
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, ParamSpec, TypeVar
 
 from stixel_cli.errors import UserError, printable_path
 
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
     import numpy as np
+
+P, T = ParamSpec("P"), TypeVar("T")
 
 GREATEST_TEXT = 64 * 2**20
 """Bytes of a text, a JSON or a YAML file: the `sweep.yaml` of 100,000 runs has 10 MB."""
@@ -301,3 +303,30 @@ def _read_array(archive: "zipfile.ZipFile", member: "zipfile.ZipInfo") -> "np.nd
         if array.dtype.kind not in "biuf" or stream.read(1):
             raise ValueError("not an array of numbers alone")
     return array
+
+
+def remembered(read: Callable[P, T]) -> Callable[P, T]:
+    """`read`, which reads files again only after their time, size or inode has changed.
+
+    Its paths are arguments of their own. Every call returns the same object: do not change it.
+    """
+
+    @lru_cache(maxsize=1024)
+    def read_once(arguments: tuple[Any, ...], states: tuple[Any, ...]) -> T:
+        return read(*arguments)
+
+    @wraps(read)
+    def read_if_changed(*arguments: Any) -> T:
+        files = [argument for argument in arguments if isinstance(argument, Path)]
+        return read_once(arguments, tuple(map(_state, files)))
+
+    return read_if_changed
+
+
+def _state(file: Path) -> tuple[int, int, int] | None:
+    """What changes when a file changes; None if it cannot be read, which its reader reports."""
+    try:
+        stat = os.stat(file)
+    except OSError:
+        return None
+    return stat.st_mtime_ns, stat.st_size, stat.st_ino

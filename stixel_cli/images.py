@@ -70,22 +70,11 @@ def reduced(image: np.ndarray, widest: int) -> np.ndarray:
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 
-def encode_png(image: np.ndarray) -> bytes:
+def encode_png(image: np.ndarray, extension: str = ".png") -> bytes:
     """One image, (H, W) uint8 or uint16 or (H, W, 3) uint8 RGB, as the bytes of a PNG.
 
     ValueError for an image of another shape or type.
     """
-    # OpenCV's own settings: level 1, the filter SUB and the strategy RLE, which looks for runs
-    # only. If the level is given, it changes the other two: half of the speed, hardly smaller.
-    return _encoded(image, ".png")
-
-
-def encode_pnm(image: np.ndarray) -> bytes:
-    """As `encode_png`, but as a PGM or PPM: not compressed, in a tenth of the time or less."""
-    return _encoded(image, ".pnm")
-
-
-def _encoded(image: np.ndarray, extension: str) -> bytes:
     import cv2
 
     grey = image.ndim == 2 and image.dtype in (np.uint8, np.uint16)
@@ -93,7 +82,14 @@ def _encoded(image: np.ndarray, extension: str) -> bytes:
         raise ValueError(f"cannot encode an image of shape {image.shape}, type {image.dtype}")
     # OpenCV's order of colours, by its own function: a tenth of the time of a copy by NumPy.
     ordered = image if grey else cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2BGR)
+    # OpenCV's own settings: level 1, the filter SUB and the strategy RLE, which looks for runs
+    # only. If the level is given, it changes the other two: half of the speed, hardly smaller.
     return cv2.imencode(extension, np.ascontiguousarray(ordered))[1].tobytes()
+
+
+def encode_pnm(image: np.ndarray) -> bytes:
+    """As `encode_png`, but as a PGM or PPM: not compressed, in a tenth of the time or less."""
+    return encode_png(image, ".pnm")
 
 
 def decode_image(data: bytes) -> np.ndarray:

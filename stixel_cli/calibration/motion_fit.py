@@ -173,6 +173,8 @@ def solve(tracks: Tracks, rig: Rig, groups: np.ndarray | None = None) -> Solutio
         groups: (n,) 0, 1, …, of the points; each group has its own three of the m coefficients.
             None: no error is estimated.
     """
+    import cv2
+
     groups = np.full(len(tracks.pairs), -1) if groups is None else groups
     count = groups.max() + 1
     m, members = 3 * count, np.equal.outer(groups, np.arange(count))
@@ -197,7 +199,8 @@ def solve(tracks: Tracks, rig: Rig, groups: np.ndarray | None = None) -> Solutio
         side = reduced[:, m] / PLACE_STD**2 + information @ error
         change = -np.linalg.solve(whole, side)
         move = -gain[:, :, m] - gain[:, :, :m] @ change
-        rotations, shifts = _turns(move[:, :3]) @ found.rotations, found.shifts + move[:, 3:]
+        turns = np.array([cv2.Rodrigues(vector)[0] for vector in move[:, :3]])
+        rotations, shifts = turns @ found.rotations, found.shifts + move[:, 3:]
         found = replace(found, disparities=true, rotations=rotations, shifts=shifts)
         error = error + change
         measured = tracks.disparities - basis @ error
@@ -237,10 +240,3 @@ def _linearised(
     share = (1.0 - 1.0 / np.sqrt(1.0 + square)) / square
     parts -= share[:, :, None] * by_error * (by_error.transpose(0, 2, 1) @ parts)
     return parts[:, :, :6], parts[:, :, 6:7], parts[:, :, 7:], true
-
-
-def _turns(angles: np.ndarray) -> np.ndarray:
-    """Rotations (P, 3, 3) of rotation vectors (P, 3) rad."""
-    import cv2
-
-    return np.array([cv2.Rodrigues(vector)[0] for vector in angles])

@@ -107,9 +107,9 @@ def assess(
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment import assess as assessing
-    from stixel_cli.measurements.stixel_file import read_stixels
     from stixel_cli.report.assess import page_html, sentences, value_rows
     from stixel_cli.results.folder import unused_page
+    from stixel_cli.validation.stixel_file import read_stixels
 
     arguments = arguments or []
     files = {"calibration": rig, "disparity": disparity, "labels": labels}

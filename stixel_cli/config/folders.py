@@ -15,8 +15,7 @@ from typing import Any
 
 from stixel_cli.border import Origin, forget_told
 from stixel_cli.errors import ConfigurationError, UserError, located
-from stixel_cli.files import read_yaml
-from stixel_cli.remembered import remembered
+from stixel_cli.files import read_yaml, remembered
 
 EXPERIMENT = "experiment"
 """The group whose options set options and values of other groups; it has no keys of its own."""

@@ -10,8 +10,7 @@ from typing import Any, Literal
 from stixel_cli.engine.code import Code, CodeIndex
 from stixel_cli.engine.source_files import content_digest
 from stixel_cli.engine.versions import python_version
-from stixel_cli.files import GREATEST_RECORDING
-from stixel_cli.remembered import remembered
+from stixel_cli.files import GREATEST_RECORDING, remembered
 
 Pattern = Literal["once", "map", "fold", "pick"]
 

@@ -218,6 +218,23 @@ def overlaps(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
     return np.clip(np.divide(common, union, out=np.zeros_like(common), where=union > 0.0), 0.0, 1.0)
 
 
+def baseline_overlaps(scenario: Scenario, scans: Scans) -> np.ndarray:
+    """IoU (K,) of the true outline with itself, moved to the mean of the target's points.
+
+    That is an estimate of the right shape and heading that takes the visible side, where the points
+    are, for the whole target. NaN where the truth is unknown and at a scan without such points.
+    """
+    found = np.full(len(scans), np.nan)
+    middle = 0.5 * np.sum(scenario.box_target, axis=0)
+    for k in np.flatnonzero(scenario.known):
+        points = points_of_target(scenario, scans, k)
+        if len(points):
+            true = scenario.contours_target[scenario.limb_poses[k]]
+            moved = true - middle + points.mean(axis=0)
+            (found[k],) = overlaps(areas(moved[None]), areas(true[None]))
+    return found
+
+
 def star_convex_upper_bound(scenario: Scenario) -> float:
     """The greatest IoU of the outline that a star-convex contour can have, such as `gp_ekf`'s.
 

@@ -7,6 +7,7 @@ missing value is NaN. The metrics are those of `metric_table.py`: a metric is No
 errors is not finite; NIS and NEES are averaged over the scans that have one.
 """
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from stixel_cli.evaluation.contour_errors import (
     BESIDE,
     COVERED,
     areas,
+    baseline_overlaps,
     boundary_distances,
     boxes,
     centre_errors,
@@ -23,7 +25,6 @@ from stixel_cli.evaluation.contour_errors import (
     gaussian_wasserstein,
     in_frames,
     overlaps,
-    points_of_target,
     seen_points,
     star_convex_upper_bound,
 )
@@ -32,6 +33,7 @@ from stixel_cli.evaluation.scan_errors import LOW_OVERLAP, ScanErrors
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.own_code import loaded
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import OTHER, REPORTED, Track, check_finite
 
@@ -52,14 +54,20 @@ def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
 
 
 def evaluate(
-    track: Track, scenario: Scenario, scans: Scans, road_user: str | None = None
+    track: Track,
+    scenario: Scenario,
+    scans: Scans,
+    road_user: str | None = None,
+    own: tuple[str, ...] = (),
 ) -> Scores:
     """Errors over time and their summary; see `Scores` for units.
 
     `road_user` is the true class, None if it is unknown. Where the truth is unknown, errors over
     time are NaN and metrics leave them out. Without any truth there are only the metrics of scans
     and track. The metrics of a smoothed track have names of their own; all else is of the filtered
-    one. ValueError as `validate` does.
+    one. `own` are the user's functions, "module:function": each is called as
+    `function(track, scenario, scans)` and gives the metric of its name; None and NaN are no value.
+    ValueError as `validate` does, if a result is not a number, and if a metric of its name exists.
     """
     validate(track, scenario, scans)
     of_classes = class_errors(track, road_user)
@@ -96,6 +104,7 @@ def evaluate(
         later = evaluate(track.smoothed, scenario, scans, road_user).metrics
         later["lag"] = len(times) - 1 if track.smoothed.lag is None else track.smoothed.lag
         metrics |= {SMOOTHED + n: later[n] for n in (*OF_ESTIMATES, "lag") if n in later}
+    metrics |= _own_metrics(own, metrics, track, scenario, scans)
     return Scores(
         times=np.array(scenario.times, dtype=np.float64),
         centre_error=over_time["centre"],
@@ -104,6 +113,21 @@ def evaluate(
         nis=nis,
         metrics=metrics,
     )
+
+
+def _own_metrics(
+    functions: tuple[str, ...], known: dict[str, Any], *given: Track | Scenario | Scans
+) -> dict[str, float | None]:
+    """The results of the user's functions, by name; errors as of `evaluate`."""
+    found: dict[str, float | None] = {}
+    for function in functions:
+        name, value = function.partition(":")[2], loaded(function)(*given)
+        if name in known | found:
+            raise ValueError(f"{function}: a metric {name} exists: rename the function")
+        if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
+            raise ValueError(f"{function}: must return a number, returned a {type(value).__name__}")
+        found[name] = None if value is None or not np.isfinite(value) else float(value)
+    return found
 
 
 def errors_over_time(
@@ -130,23 +154,6 @@ def errors_over_time(
         "nees_orientation": normalised_errors(orientation[:, None], covariances[:, 2:3, 2:3]),
         "lost": off_target(contours["iou_box"], orientation, true_speed, replaced_wrongly),
     }
-
-
-def baseline_overlaps(scenario: Scenario, scans: Scans) -> np.ndarray:
-    """IoU (K,) of the true outline with itself, moved to the mean of the target's points.
-
-    That is an estimate of the right shape and heading that takes the visible side, where the points
-    are, for the whole target. NaN where the truth is unknown and at a scan without such points.
-    """
-    found = np.full(len(scans), np.nan)
-    middle = 0.5 * np.sum(scenario.box_target, axis=0)
-    for k in np.flatnonzero(scenario.known):
-        points = points_of_target(scenario, scans, k)
-        if len(points):
-            true = scenario.contours_target[scenario.limb_poses[k]]
-            moved = true - middle + points.mean(axis=0)
-            (found[k],) = overlaps(areas(moved[None]), areas(true[None]))
-    return found
 
 
 def out_of_view(scenario: Scenario, scans: Scans) -> np.ndarray:

@@ -17,7 +17,6 @@ from stixel_cli.experiment.stages import compared_rows, computed_stages
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.images import encode_png
-from stixel_cli.measurements.stixel_file import StixelFile
 from stixel_cli.pictures import style
 from stixel_cli.pictures.camera import painted
 from stixel_cli.recordings.image_files import read_disparity
@@ -35,6 +34,7 @@ from stixel_cli.validation.pair_errors import (
     nearest_disparity,
     true_obstacles,
 )
+from stixel_cli.validation.stixel_file import StixelFile
 
 NEAR = 6.0
 """No obstacle nearer than this, m, may be called free."""
@@ -113,7 +113,7 @@ def assess_stixels(file: StixelFile, composition: Composition | None) -> Assessm
     stixels = replace(stixels, disparity=np.where(np.isnan(disparity), of_depth, disparity))
     nearest = nearest_disparity(stixels, 0, rig.width)[None]
     nothing = np.full(nearest.shape, -1, dtype=np.int32)
-    free_space = FreeSpace(0, nearest.astype(np.float32), nothing, np.zeros((1, 2)))
+    free_space = FreeSpace(0, nearest.astype(np.float32), nothing, np.zeros((1, 2)), nothing)
     values, maps = _against_truth(stixels, free_space, image, composition)
     return Assessment(dict.fromkeys(LABELS) | values, pictures | maps, {})
 

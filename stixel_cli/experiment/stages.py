@@ -19,11 +19,10 @@ from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.table import OWN, REPLAYED, TABLE
-from stixel_cli.files import read_yaml
+from stixel_cli.files import read_yaml, remembered
 from stixel_cli.measurements.file import FileParameters
 from stixel_cli.measurements.parameters import Disturbance, undisturbed
 from stixel_cli.own_code import OwnCode
-from stixel_cli.remembered import remembered
 from stixel_cli.scene.mesh_file import referred_files
 from stixel_cli.scene.parameters import ReplayedPath
 from stixel_cli.scene.scenario import Scenario
@@ -93,8 +92,7 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     definition = TABLE[stage]
     if stage in REPLAYED and isinstance(configuration.path, ReplayedPath):
         definition = REPLAYED[stage]
-    own = {"track": isinstance(configuration.tracker, OwnCode), "scores": configuration.metrics}
-    if own.get(stage):
+    if stage in OWN and isinstance(configuration.tracker, OwnCode):
         definition = OWN[stage]
     names = [attrgetter(path)(configuration) for path in definition.code]
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]

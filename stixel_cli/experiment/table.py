@@ -157,7 +157,9 @@ TABLE: dict[str, Definition] = {
         "recordings.truth:label_truths", "rig recording.tables", recorded="label_files"
     ),
     "label_scores": stage("evaluation.label_scores:score_tracks", "road_user=road_user.kind"),
-    "scores": stage("evaluation.evaluate:evaluate", "road_user=true_class"),
+    "scores": stage(
+        "evaluation.evaluate:evaluate", "own=metrics road_user=true_class", code=("metrics",)
+    ),
     "stage_errors": stage(
         "validation.stage_errors:stage_errors", "rig road occupancy free_space", "map"
     ),
@@ -169,8 +171,9 @@ TABLE: dict[str, Definition] = {
         recorded="pose_files",
     ),
     "calibrated_rig": stage("calibration.calibrated_rig:calibrated_rig"),
-    "occupancy": stage("stixels.displayed_grid:picture_grid", "rig road occupancy", "pick"),
-    "camera_pictures": stage("pictures.camera:camera_pictures", "rig", "pick", pictures=True),
+    "camera_pictures": stage(
+        "pictures.camera:camera_pictures", "rig road occupancy", "pick", pictures=True
+    ),
     "camera_frames": stage("pictures.camera:camera_frames", "rig road occupancy", "map"),
     "track_pictures": stage(
         "pictures.birds_eye:track_pictures", "field_of_view tracker", "pick", pictures=True
@@ -204,13 +207,8 @@ OWN: dict[str, Definition] = {
         files=FILES_OF_PRIOR,
         code=("tracker.function",),
     ),
-    "scores": stage(
-        "evaluation.own_metrics:evaluate_with_own",
-        "metrics road_user=true_class",
-        code=("metrics",),
-    ),
 }
-"""The stages that replace those of `TABLE` where the user chooses own functions."""
+"""The stage that replaces that of `TABLE` where the tracker is the user's own function."""
 
 PICTURES = tuple(name for name, stage in TABLE.items() if stage.pictures)
 """The stages that draw; their nodes have the same names."""

@@ -17,9 +17,9 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import encode_png
 from stixel_cli.measurements.parameters import Gates
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.stixel_file import stx1_library
 from stixel_cli.scene.parameters import CLASS_ROWS
 from stixel_cli.stixels.types import Stixels
+from stixel_cli.validation.stixel_file import stx1_library
 
 if TYPE_CHECKING:
     from stixel_cli.engine.progress import Progress

@@ -3,22 +3,17 @@
 import numpy as np
 from numba import njit
 
+from stixel_cli.geometry.kernel import returning
 
-def first_hits(polygon: np.ndarray, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+
+@returning(lambda polygon, origins, directions: np.full(len(directions), np.inf))
+@njit(cache=True, error_model="numpy")
+def first_hits(ranges, polygon, origins, directions):
     """Ranges (n,) m at which rays first enter a polygon (M, 2) m, counter-clockwise; inf if never.
 
-    `origins` (n, 2) m, or (2,) for all; `directions` (n, 2) unit vectors. A ray along an edge meets
-    it at its nearer end.
+    `origins` (n, 2) m; `directions` (n, 2) unit vectors. A ray along an edge meets it at its nearer
+    end.
     """
-    ranges = np.full(len(directions), np.inf)
-    origins = np.broadcast_to(np.asarray(origins, dtype=np.float64), (len(directions), 2))
-    _first_hits(ranges, np.ascontiguousarray(polygon), origins, directions)
-    return ranges
-
-
-@njit(cache=True, error_model="numpy")
-def _first_hits(ranges, polygon, origins, directions):
-    """Write `first_hits` over inf."""
     corners = len(polygon)
     for i in range(len(ranges)):
         dx, dy, ox, oy = directions[i, 0], directions[i, 1], origins[i, 0], origins[i, 1]

@@ -107,7 +107,7 @@ class FrameStixels:
         """
         from stixel_cli.export.stx1 import stixel_world
         from stixel_cli.images import encode_png
-        from stixel_cli.measurements.stixel_file import stx1_library
+        from stixel_cli.validation.stixel_file import stx1_library
 
         nothing = np.zeros(len(self), dtype=bool)
         world = stixel_world(stx1_library("to_stx1"), self.stixels, 0, nothing, self.rig, "car")

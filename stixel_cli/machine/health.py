@@ -23,7 +23,11 @@ LEAST_FREE = 10**9
 """Free bytes that the cache needs: a few experiments of a hundred frames."""
 
 _RENDER = "from stixel_cli.machine import kernels; kernels.render_tiny_picture()"
-RAYCAST_PROBE = (sys.executable, "-c", _RENDER)
+PROBES = {
+    "raycast": (sys.executable, "-c", _RENDER),
+    "filament": (sys.executable, "-m", "stixel_cli.rendering.filament_process", "--probe"),
+}
+"""The command of a child process that draws a picture, by renderer."""
 
 
 @dataclass(frozen=True)
@@ -47,30 +51,18 @@ def examine(
     Before each slow part `begins` is called with the share that is done and what begins.
     """
     begins(0.0, "raycast draws a picture; the first time it compiles")
-    of_raycast = _renderer("raycast", probe_raycast(), "fails")
+    of_raycast = _renderer("raycast", "fails")
     begins(0.4, "filament draws a picture")
-    of_filament = _renderer("filament", _probe_filament(), "absent")
+    of_filament = _renderer("filament", "absent")
     begins(0.8, "the cache is listed")
     return [*_software(), of_raycast, of_filament, *_cache(store)]
 
 
-def probe_raycast(
-    timeout: float = RENDERER_TIMEOUT, command: tuple[str, ...] = RAYCAST_PROBE
-) -> str | None:
-    """Why ray casting does not work here, in one line; None if it renders a picture in time."""
-    from stixel_cli.rendering.filament import probe
+def _renderer(name: str, otherwise: Literal["absent", "fails"]) -> Check:
+    """The check of a renderer, which draws a picture; its status is `otherwise` without one."""
+    from stixel_cli.rendering import filament
 
-    return probe("raycast", timeout, command)
-
-
-def _probe_filament() -> str | None:
-    from stixel_cli.rendering.filament import probe_filament
-
-    return probe_filament(timeout=RENDERER_TIMEOUT)
-
-
-def _renderer(name: str, reason: str | None, otherwise: Literal["absent", "fails"]) -> Check:
-    """The check of a renderer; the `reason` why it does not work is None if it works."""
+    reason = filament.probe(name, RENDERER_TIMEOUT, PROBES[name])
     return Check(f"renderer {name}", "ok" if reason is None else otherwise, reason or "works")
 
 

@@ -38,31 +38,27 @@ def disturb_scans(
     if dropout is not None:
         # Times are multiples of the sample time, up to rounding.
         hidden = (elapsed >= dropout[0] - 1e-9) & (elapsed <= dropout[1] + 1e-9)
-    of_clutter, points, covariances = _clutter(scans, clutter_rate, range_max, seed)
-    of_points = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
-    k = np.concatenate([of_points, of_clutter])
-    order = np.argsort(k, kind="stable")
-    order = order[~hidden[k[order]]]
-    heights = scans.heights
-    if heights is not None:
-        heights = np.append(heights, np.full(len(points), CLUTTER_HEIGHT))[order]
-    counts = np.bincount(k[order], minlength=len(scans))
-    return replace(
-        scans,
-        offsets=np.concatenate([[0], np.cumsum(counts)]),
-        points_world=np.concatenate([scans.points_world, points])[order],
-        covariances_world=np.concatenate([scans.covariances_world, covariances])[order],
-        heights=heights,
-    )
+    each, heights = [], []
+    for k, (points, covariances) in enumerate(_clutter(scans, clutter_rate, range_max, seed)):
+        rows = scans.rows(k)
+        if hidden[k]:
+            rows, points, covariances = slice(0), points[:0], covariances[:0]
+        points = np.concatenate([scans.points_world[rows], points])
+        each.append((points, np.concatenate([scans.covariances_world[rows], covariances])))
+        if scans.heights is not None:
+            of_clutter = np.full(len(covariances), CLUTTER_HEIGHT)
+            heights.append(np.append(scans.heights[rows], of_clutter))
+    shared = scans.field_of_view, scans.shared_errors, heights or None
+    found = Scans.of_each(scans.times, scans.sensor_poses_world, each, *shared)
+    return replace(found, epoch=scans.epoch)
 
 
 def _clutter(
     scans: Scans, rate: float, range_max: float | None, seed: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Scans (n,), points (n, 2) m and covariances (n, 2, 2) m² of the clutter, in the world."""
-    found = [(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Points (n, 2) m and covariances (n, 2, 2) m² of the clutter of each scan, in the world."""
     if rate == 0.0 or len(scans.points_world) == 0:
-        return found[0]
+        return [(np.zeros((0, 2)), np.zeros((0, 2, 2)))] * len(scans)
     poses = np.repeat(scans.sensor_poses_world, np.diff(scans.offsets), axis=0)
     offsets = scans.points_world - poses[:, :2]
     ranges = np.maximum(np.hypot(offsets[:, 0], offsets[:, 1]), 1e-9)
@@ -77,6 +73,7 @@ def _clutter(
     farthest = float(ranges.max()) if range_max is None else range_max
     order = np.argsort(ranges, kind="stable")
     middles = 0.5 * (ranges[order][1:] + ranges[order][:-1])
+    found = []
     for k, pose in enumerate(scans.sensor_poses_world):
         random = generator(seed, "clutter", k)
         count = random.poisson(rate)
@@ -85,6 +82,6 @@ def _clutter(
         distances = farthest * np.sqrt(random.random(count))
         like = order[np.searchsorted(middles, distances)]
         across_variances = across[like] * (distances / ranges[like]) ** 2
-        points = points_along(pose, angles, distances, along_variances[like], across_variances)
-        found.append((np.full(count, k), *points))
-    return tuple(np.concatenate(values) for values in zip(*found, strict=True))
+        variances = along_variances[like], across_variances
+        found.append(points_along(pose, angles, distances, *variances))
+    return found

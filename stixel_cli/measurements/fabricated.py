@@ -69,9 +69,7 @@ def fabricate_scans(
     The nearest crossing of each ray is measured, with noise along the ray, see `rays.Noise`. Across
     the ray the variance is (r dtheta)² / 12, dtheta the angle that belongs to one point. The
     covariance of a point is one that a sensor could know: it comes from the measured range.
-    ValueError if there are more rays than columns.
     """
-    measurement.check(rig)
     count = rig.width if measurement.rays is None else measurement.rays
     rays = spread_rays(count, rig.field_of_view, measurement.spacing == "tangent")
     scans = []

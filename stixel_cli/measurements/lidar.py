@@ -62,12 +62,9 @@ def lidar_scans(
 
     The covariance of a point is the noise along the beam, projected to the ground, and (r dtheta)²
     / 12 across. `field_of_view` has the bearings of the lidar's right and left border, rad.
-    ValueError unless the returns are those of the ego motion's times.
     """
-    if len(returns) != len(ego_motion.times):
-        raise ValueError(f"returns of {len(returns)} scans, but {len(ego_motion.times)} times")
     scans, heights = [], []
-    for k, pose in enumerate(ego_motion.poses_world):
+    for k, (_, pose) in enumerate(zip(returns.ranges, ego_motion.poses_world, strict=True)):
         random = generator(seed, "lidar", k)
         *points, height = _scan(returns, k, pose, measurement, random)
         scans.append(tuple(points))

@@ -107,6 +107,3 @@ class LidarReturns:
     """(A,) rad, ascending."""
     ranges: np.ndarray
     """(K, L, A) float32 m along the beams to the first surface; inf without a hit."""
-
-    def __len__(self) -> int:
-        return len(self.ranges)

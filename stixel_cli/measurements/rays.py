@@ -49,7 +49,7 @@ def first_crossings(contour_sensor: np.ndarray, rays: Rays) -> tuple[np.ndarray,
     # Imported here: composing reads the noise's settings, and must not pay for Numba.
     from stixel_cli.geometry.polygon import first_hits
 
-    ranges = first_hits(contour_sensor, np.zeros(2), rays.directions)
+    ranges = first_hits(contour_sensor, np.zeros_like(rays.directions), rays.directions)
     hit = np.flatnonzero(np.isfinite(ranges))
     return hit, ranges[hit]
 

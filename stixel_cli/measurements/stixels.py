@@ -30,22 +30,16 @@ def gather_scans(
     that. `stixels` are chunks in the order of their frames. ValueError unless the chunks have each
     frame of `ego_motion` once, in order.
     """
-    scans: list[tuple[np.ndarray, np.ndarray]] = []
-    for chunk in stixels:
-        if chunk.first != len(scans):
-            raise ValueError(f"stixels of frame {len(scans)} expected, got {chunk.first}")
-        inside = chunk.inside(measurement.gates)
-        for i in range(len(chunk.offsets) - 1):
-            if len(scans) == len(ego_motion.times):
-                raise ValueError(f"more stixels than the {len(scans)} frames of the ego motion")
-            pose = ego_motion.poses_world[len(scans)]
-            rows = chunk.rows(i)
-            chosen = np.flatnonzero(inside[rows]) + rows.start
-            points = world_from_ego(chunk.points_ego[chosen], pose)
-            turn = pose[2] - STRAIGHT_AHEAD
-            scans.append((points, rotate_covariances(chunk.covariances_ego[chosen], turn)))
-    if len(scans) != len(ego_motion.times):
-        raise ValueError(f"stixels of {len(scans)} frames, but {len(ego_motion.times)} scans")
+    chunks = ((chunk, i) for chunk in stixels for i in range(len(chunk.offsets) - 1))
+    scans = []
+    for k, (pose, (chunk, i)) in enumerate(zip(ego_motion.poses_world, chunks, strict=True)):
+        if chunk.first + i != k:
+            raise ValueError(f"stixels of frame {k} expected, got {chunk.first + i}")
+        rows = chunk.rows(i)
+        chosen = np.flatnonzero(chunk.inside(measurement.gates)[rows]) + rows.start
+        points = world_from_ego(chunk.points_ego[chosen], pose)
+        turn = pose[2] - STRAIGHT_AHEAD
+        scans.append((points, rotate_covariances(chunk.covariances_ego[chosen], turn)))
     view = FieldOfView(*rig.field_of_view, rig.baseline)
     # One standard deviation of each of the rig's independent errors of the disparity.
     errors = rig.disparity_error_factor.T / (rig.focal * rig.baseline)

@@ -121,9 +121,7 @@ def _draw_surroundings(
         text = f"{hidden} point{'s' if hidden > 1 else ''} outside"
         place = {"ha": "right", "va": "bottom", "transform": axes.transAxes}
         axes.text(1.0, 1.015, text, size=7.5, color="#444444", **place)
-    if field_of_view is not None:
-        ground.draw_field_of_view(axes, ego, field_of_view)
-    ground.draw_ego(axes, ego)
+    ground.draw_sensor(axes, ego, field_of_view)
     axes.plot(*scenario.target_poses_world[: k + 1, :2].T, color=style.TRUTH, linewidth=0.9)
     axes.plot(*track.means[: k + 1, :2].T, color=style.ESTIMATE, linewidth=0.9)
 
@@ -178,9 +176,7 @@ def moving_pictures(
         axes = figure.add_axes((0.06, 0.08, 0.92, 0.87))
         axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
         ground.fit(axes, np.concatenate([pose[None, :2], points]), 1.5)
-        if field_of_view is not None:
-            ground.draw_field_of_view(axes, pose, field_of_view)
-        ground.draw_ego(axes, pose)
+        ground.draw_sensor(axes, pose, field_of_view)
         ground.draw_points(axes, points, scans.covariances_world[rows], style.UNUSED)
         ground.draw_objects(axes, objects, pose, frame)
         for one in truths:

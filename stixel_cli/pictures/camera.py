@@ -230,11 +230,12 @@ def camera_pictures(
     rendered: RenderedFrames | ImageStack,
     pairs: StereoPairs,
     disparities: Disparities,
-    grid: OccupancyGrid,
     free_space: FreeSpace,
     stixels: Stixels,
     ego_motion: EgoMotion,
     rig: Rig,
+    road: RoadParameters,
+    occupancy: OccupancyParameters,
     frame: int,
     objects: Objects | None = None,
 ) -> Pictures:
@@ -243,12 +244,13 @@ def camera_pictures(
     Gives `k0033/left.png` (in colour; as rendered, without noise), `disparity.png`,
     `occupancy.png`, `free_space.png`, `height.png` and `stixels.png` (over the camera's grey
     image, the colours of depth below it), pixel by pixel, and `camera.png`, all of them on one page
-    with titles and legend. Only the times of `ego_motion` are used. With `objects`, their boxes are
-    drawn over the stixels.
+    with titles and legend. Only the times of `ego_motion` are used; `rig`, `road` and `occupancy`
+    are those of the grid. With `objects`, their boxes are drawn over the stixels.
     """
     # Of a recording, the stack has the one image.
     single = isinstance(rendered, ImageStack)
     left = rendered[0] if single else rendered.left[frame - rendered.first]
+    grid = picture_grid(disparities, free_space, rig, road, occupancy, frame)
     view = FrameView(frame, rig, pairs, disparities, grid, free_space, stixels, objects)
     images = {
         "left": left,

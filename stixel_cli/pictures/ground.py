@@ -126,28 +126,28 @@ def draw_objects(axes: Axes, objects: Objects, ego_pose_world: np.ndarray, k: in
         axes.text(*place, str(number), color=style.OBJECT, size=7, clip_on=True)
 
 
-def draw_field_of_view(axes: Axes, pose_world: np.ndarray, bearings: tuple[float, float]) -> None:
-    """The wedge that a sensor at `pose_world` (3,) sees between `bearings`, rad from its heading.
+def draw_sensor(
+    axes: Axes, pose_world: np.ndarray, field_of_view: tuple[float, float] | None
+) -> None:
+    """The ego car at `pose_world` (3,), a triangle along its heading, and what its sensor sees.
 
-    It reaches past the limits of the axes, which must be set before.
+    That is a wedge between the bearings of the `field_of_view`, rad from the heading, if these are
+    known. It reaches past the limits of the axes, which must be set before.
     """
-    corners = np.array([(x, y) for x in axes.get_xlim() for y in axes.get_ylim()])
-    reach = 1.2 * np.linalg.norm(corners - pose_world[:2], axis=1).max()
-    angles = pose_world[2] + np.linspace(*bearings, 25)
-    arc = pose_world[:2] + reach * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    wedge = np.concatenate([[pose_world[:2]], arc])
-    look = {"facecolor": style.FIELD_OF_VIEW, "alpha": 0.09, "linewidth": 0, "zorder": 0}
-    axes.add_artist(Polygon(wedge, **look))
-    edges = np.stack([arc[0], pose_world[:2], arc[-1]])
-    axes.plot(*edges.T, color=style.FIELD_OF_VIEW, linewidth=0.9, zorder=1.0)
-
-
-def draw_ego(axes: Axes, pose_world: np.ndarray, size: float = 9.0) -> None:
-    """A triangle of `size` pt at the camera, `pose_world` (3,), along the ego car's heading."""
+    if field_of_view is not None:
+        corners = np.array([(x, y) for x in axes.get_xlim() for y in axes.get_ylim()])
+        reach = 1.2 * np.linalg.norm(corners - pose_world[:2], axis=1).max()
+        angles = pose_world[2] + np.linspace(*field_of_view, 25)
+        arc = pose_world[:2] + reach * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        wedge = np.concatenate([[pose_world[:2]], arc])
+        look = {"facecolor": style.FIELD_OF_VIEW, "alpha": 0.09, "linewidth": 0, "zorder": 0}
+        axes.add_artist(Polygon(wedge, **look))
+        edges = np.stack([arc[0], pose_world[:2], arc[-1]])
+        axes.plot(*edges.T, color=style.FIELD_OF_VIEW, linewidth=0.9, zorder=1.0)
     shape = MarkerStyle([(-0.7, -1.0), (0.7, -1.0), (0.0, 1.0)])
     turned = shape.rotated(rad=float(pose_world[2]) - 0.5 * np.pi)
     look = {"linestyle": "none", "marker": turned, "color": style.EGO, "zorder": 5}
-    axes.plot(*pose_world[:2], markersize=size, **look)
+    axes.plot(*pose_world[:2], markersize=9.0, **look)
 
 
 def near(points_world: np.ndarray, reference_world: np.ndarray) -> np.ndarray:

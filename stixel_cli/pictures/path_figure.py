@@ -54,9 +54,7 @@ def path_figure(
         axes, strip = _axes_for(points, 0.8 * size + 1.0, len(chosen) + SCALE)
     ground.fit(axes, points, 0.8 * size + 1.0)
     for k in sorted({0, len(ego) - 1}) if np.ptp(ego, axis=0).any() else (0,):
-        if field_of_view is not None:
-            ground.draw_field_of_view(axes, ego[k], field_of_view)
-        ground.draw_ego(axes, ego[k])
+        ground.draw_sensor(axes, ego[k], field_of_view)
     axes.plot(*ego[:, :2].T, color=style.EGO, linewidth=1.2)
     axes.plot(*scenario.target_poses_world[:, :2].T, color=style.TRUTH, linewidth=0.9, zorder=3)
     axes.plot(*track.means[:, :2].T, color=style.ESTIMATE, linewidth=0.9, zorder=3)

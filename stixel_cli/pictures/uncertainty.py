@@ -12,7 +12,7 @@ from stixel_cli.tracking.track import Track
 def target_radius(track: Track, scenario: Scenario) -> float:
     """Greatest radius of the true contour, m; without one, the median of the estimated ones."""
     if scenario.known.any():
-        return scenario.radius_target
+        return float(np.linalg.norm(scenario.contours_target, axis=2).max())
     radii = np.linalg.norm(track.contours_world - track.means[:, None, :2], axis=2).max(axis=1)
     finite = radii[np.isfinite(radii)]
     return float(np.clip(np.median(finite), 0.1, 30.0)) if len(finite) else 1.0

@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.files import read_bytes
+from stixel_cli.files import read_bytes, remembered
 from stixel_cli.recordings.kitti_tables import GREATEST, MOST_ROWS, seen_box, tracks_of
 from stixel_cli.recordings.times import GREATEST_GAP, poses_at, unit_rotations
 from stixel_cli.recordings.types import Calibration, Recording, Rectification, Tables, Tracks
-from stixel_cli.remembered import remembered
 from stixel_cli.scene.parameters import CLASS_ROWS
 
 if TYPE_CHECKING:
@@ -154,8 +153,8 @@ def read_labels(
             if seen is not None:
                 box, truncated = seen
                 empty = table["num_interior_pts"][nearest] <= 0
-                flags = [float(truncated), 3.0 * empty, 0.0]  # KITTI's state 3: unknown.
-                values = [*flags, *box, *sizes[nearest], *pose[0], pose[1]]
+                # KITTI's state of occlusion 3: unknown.
+                values = [float(truncated), 3.0 * empty, *box, *sizes[nearest], *pose[0], pose[1]]
                 labels.append([annotations, types.get(category, category), frame, track, *values])
     _mark_hidden(labels)
     return tracks_of(labels)
@@ -180,12 +179,12 @@ def _mark_hidden(labels: list[list]) -> None:
     for label in labels:
         by_frame.setdefault(label[2], []).append(label)
     for frame in by_frame.values():
-        left, top, right, bottom, depth = np.array([[*label[7:11], label[16]] for label in frame]).T
+        left, top, right, bottom, depth = np.array([[*label[6:10], label[15]] for label in frame]).T
         nearer = (depth[None] < depth[:, None]) & (top[None] < bottom[:, None])
         nearer &= bottom[None] > top[:, None]
         shared = np.minimum(right[None], right[:, None]) - np.maximum(left[None], left[:, None])
         for label, covered in zip(frame, np.where(nearer, shared, 0.0), strict=True):
-            if covered.max() > HIDDEN * (label[9] - label[7]):
+            if covered.max() > HIDDEN * (label[8] - label[6]):
                 label[5] = 1.0
 
 

@@ -104,19 +104,14 @@ def _pair_of_benchmark(source: parameters.KittiPair) -> Recording:
     root, name = root_of(Path(source.folder), "image_2", "image_0"), f"{int(source.sequence):06d}"
     for files, cameras in zip(BENCHMARKS, PAIRS, strict=True):
         left, right, calibration, *truth = (file and root / file.format(name) for file in files)
-        left, right = map(_png_or_jpeg, (left, right))
+        # Or the JPEG that is in its place.
+        left, right = (max(one.parent.glob(f"{one.stem}.*"), default=one) for one in (left, right))
         if left.is_file():
             existing = [file if file and file.is_file() else None for file in truth]
             calibrated = read_calibration(calibration, cameras)
             return assembled_pair(source, (left, right), calibrated, *existing)
     images = " or ".join(files[0].format(name) for files in BENCHMARKS)
     raise UserError(f"source.sequence: {root} has no {images}")
-
-
-def _png_or_jpeg(file: Path) -> Path:
-    """The file, or the JPEG that is in its place."""
-    jpeg = (file.with_suffix(ending) for ending in (".jpg", ".jpeg", ".JPG", ".JPEG"))
-    return next((one for one in (file, *jpeg) if one.is_file()), file)
 
 
 def _virtual(source: parameters.LabelledFolder) -> Recording:

@@ -26,10 +26,9 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.files import read_text, read_xml
+from stixel_cli.files import read_text, read_xml, remembered
 from stixel_cli.geometry.pose import rectangle
 from stixel_cli.recordings.types import Calibration, Labels, Tables, Tracks
-from stixel_cli.remembered import remembered
 
 MOST_ROWS = 1_000_000
 
@@ -174,7 +173,7 @@ def read_labels(file: Path) -> Tracks:
         check_columns(file, row, words[:columns] if len(words) == columns + 1 else words, columns)
         frame, track, kind, *others = ["0", str(row - 1), *words] if of_object else words
         if kind != "DontCare":
-            values = numbers(file, row, [frame, track, *others[:14]])
+            values = numbers(file, row, [frame, track, *others[:2], *others[3:14]])
             labels.append((f"{file}: row {row}", kind, *values))
     return tracks_of(labels)
 
@@ -182,8 +181,8 @@ def read_labels(file: Path) -> Tracks:
 def tracks_of(labels: Iterable[tuple]) -> Tracks:
     """The labels of each target by its track id.
 
-    Of each label: its place in the file, for errors; its type; and KITTI's columns but for that, 16
-    values: frame, track id (a number or a name), state of truncation, …. UserError if a number of a
+    Of each label: its place in the file, for errors; its type; and KITTI's columns but for that and
+    alpha: frame, track id (a number or a name), state of truncation, …. UserError if a number of a
     frame or track or a size is not valid, or a track has two labels in a frame, or two types.
     """
     rows: dict[int | str, dict[int, tuple]] = {}
@@ -194,7 +193,7 @@ def tracks_of(labels: Iterable[tuple]) -> Tracks:
         frame, track = int(frame), track if isinstance(track, str) else int(track)
         if frame in rows.setdefault(track, {}):
             raise UserError(f"{place}: track {track} is labelled twice in frame {frame}")
-        if min(values[7:10]) <= 0.0:
+        if min(values[6:9]) <= 0.0:
             raise UserError(f"{place}: height, width and length must be > 0")
         kind, before = printable(kind), kinds.setdefault(track, printable(kind))
         if before != kind:
@@ -205,10 +204,10 @@ def tracks_of(labels: Iterable[tuple]) -> Tracks:
         values = np.array([by_frame[frame] for frame in sorted(by_frame)])
         tracks[track] = Labels(
             frames=values[:, 0].astype(np.int64),
-            boxes=values[:, 4:8],
-            sizes=values[:, 8:11],
-            places=values[:, 11:14],
-            yaws=values[:, 14],
+            boxes=values[:, 3:7],
+            sizes=values[:, 7:10],
+            places=values[:, 10:13],
+            yaws=values[:, 13],
             truncated=np.ceil(values[:, 1]).astype(np.int64),
             occluded=values[:, 2].astype(np.int64),
             kind=kinds[track],
@@ -354,9 +353,8 @@ def read_tracklets(tracklets: Path, velodyne: Path, cameras: Path) -> Tracks:
             yaw = float(np.arctan2(-ahead[2], ahead[0]))
             seen = seen_box(at - calibration.left_camera, yaw, box_size, calibration, size)
             if truncated not in OUTSIDE and seen is not None:
-                flags = [truncated, occluded % 4.0, 0.0]
-                values = [first + i, track, *flags, *seen[0], *box_size, *at, yaw]
-                labels.append((f"{place}: row {i + 1}", kind, *values))
+                values = [truncated, occluded % 4.0, *seen[0], *box_size, *at, yaw]
+                labels.append((f"{place}: row {i + 1}", kind, first + i, track, *values))
     return tracks_of(labels)
 
 

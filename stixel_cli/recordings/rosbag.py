@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.files import GREATEST_RECORDING, opened, read_yaml
+from stixel_cli.files import GREATEST_RECORDING, opened, read_yaml, remembered
 from stixel_cli.recordings.image_files import GREATEST_IMAGE, check_sides, decoded, size_in
 from stixel_cli.recordings.kitti_tables import rectified_pair
 from stixel_cli.recordings.parameters import Rosbag
@@ -30,7 +30,6 @@ from stixel_cli.recordings.times import (
     unit_rotations,
 )
 from stixel_cli.recordings.types import Recording, Tables
-from stixel_cli.remembered import remembered
 
 METADATA, SUFFIXES = "metadata.yaml", (".bag", ".mcap", ".db3")
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")

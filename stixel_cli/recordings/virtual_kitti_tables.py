@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
+from stixel_cli.files import remembered
 from stixel_cli.recordings import kitti_tables
 from stixel_cli.recordings.types import Calibration, Tracks
-from stixel_cli.remembered import remembered
 
 VISIBLE = 0.7
 """Least share of its box that a vehicle in full view fills: chosen here, not by the data set."""
@@ -68,8 +68,8 @@ def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
             if kind is None:
                 raise UserError(f"{info}: track {track:g} of {pose.name} is missing")
             *box, truncated, filled = boxes[frame, track][1]
-            flags = [truncated, float(filled < VISIBLE), 0.0]
-            labels.append((place, kind, frame, track, *flags, *box, *values))
+            hidden = float(filled < VISIBLE)
+            labels.append((place, kind, frame, track, truncated, hidden, *box, *values))
     return kitti_tables.tracks_of(labels)
 
 
@@ -83,8 +83,6 @@ def _of_left_camera(
         place = f"{file}: row {row}"
         if camera != 0:
             continue
-        if min(frame, track) < 0 or frame % 1 or track % 1:
-            raise UserError(f"{place}: frame and trackID must be whole numbers ≥ 0")
         if (frame, track) in found:
             raise UserError(f"{place}: track {track:g} is labelled twice in frame {frame:g}")
         found[frame, track] = place, values

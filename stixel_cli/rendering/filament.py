@@ -22,7 +22,7 @@ from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import Scenario
 
 COMMAND = (sys.executable, "-m", main.__module__)
-"""The child process; the folder that it works in, or `--probe`, follows."""
+"""The child process; the folder that it works in follows."""
 
 
 class RendererUnavailable(UserError, RuntimeError):
@@ -118,11 +118,6 @@ def rendered(
         for k in scene["frames"]:
             with np.load(folder / f"frame_{k}.npz", allow_pickle=False) as file:
                 yield file["left"], file["right"], file["depth"], file["ids"]
-
-
-def probe_filament(timeout: float, command: tuple[str, ...] = COMMAND) -> str | None:
-    """As `probe`, of Filament."""
-    return probe("filament", timeout, (*command, "--probe"))
 
 
 def probe(renderer: str, timeout: float, command: Sequence[str]) -> str | None:

@@ -48,9 +48,6 @@ class RenderedFrames:
                 stack.append((encode_png if image.ndim == 2 else encode_pnm)(image))
         return cls(first, *(ImageStack(tuple(stack)) for stack in stacks))
 
-    def __len__(self) -> int:
-        return len(self.left)
-
     def depth(self, index: int) -> np.ndarray:
         """True depth (H, W) float32 in m of the `index`-th frame here; inf without a surface."""
         steps = self.depth_high[index].astype(np.uint32) << 16 | self.depth_low[index]

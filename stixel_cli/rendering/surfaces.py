@@ -107,22 +107,16 @@ def _geometry(meshes: list[Mesh]) -> dict[str, Any]:
     vertices, triangles = joined([(part.vertices, part.triangles) for part in parts])
     uvs = np.concatenate([part.uvs for part in parts])
     corners = vertices[triangles]
-    normals, offsets = _planes(corners)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(cross, axis=1, keepdims=True)
+    normals = cross / np.where(length > 0, length, 1.0)
     return {
         "tree": RayTree(vertices, triangles),
         "corners": corners,
         "normals": normals,
-        "offsets": offsets,
+        "offsets": np.einsum("ij,ij->i", normals, corners[:, 0]),
         "uv_gradients": _uv_gradients(corners, normals, uvs),
     }
-
-
-def _planes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals (T, 3) and offsets (T,) m of triangles with `corners` (T, 3, 3)."""
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(cross, axis=1, keepdims=True)
-    normals = cross / np.where(length > 0, length, 1.0)
-    return normals, np.einsum("ij,ij->i", normals, corners[:, 0])
 
 
 def _uv_gradients(corners: np.ndarray, normals: np.ndarray, uvs: np.ndarray) -> np.ndarray:

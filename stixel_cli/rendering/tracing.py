@@ -216,14 +216,10 @@ def sun_rays(written, hits, index, pinhole, normals, sun):
     return count
 
 
-@returning(lambda rays, _: np.empty_like(rays))
-@njit(cache=True, nogil=True, error_model="numpy")
-def moved_rays(moved, rays, transform):
+def moved_rays(rays: np.ndarray, transform: np.ndarray) -> np.ndarray:
     """The `rays` (n, 6) float32 in the frame that `transform` (4, 4) leads to."""
-    for i in range(len(rays)):
-        for axis in range(3):
-            point, direction = transform[axis, 3], 0.0
-            for k in range(3):
-                point += transform[axis, k] * rays[i, k]
-                direction += transform[axis, k] * rays[i, 3 + k]
-            moved[i, axis], moved[i, 3 + axis] = point, direction
+    x, y, z = np.moveaxis(rays.reshape(-1, 2, 3), 2, 0)[..., None]
+    moved = np.stack([transform[:3, 3], np.zeros(3)])
+    for values, column in zip((x, y, z), transform[:3, :3].T, strict=True):
+        moved = moved + values * column
+    return moved.reshape(-1, 6).astype(np.float32)

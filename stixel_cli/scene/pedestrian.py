@@ -6,7 +6,6 @@ Modelled at about 0.6 × 0.36 × 1.75 m, x forward, y left, z up.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from stixel_cli.scene.mesh import Mesh, Part
 from stixel_cli.scene.shapes import Surface, ellipsoid, knee, loft, part, tube, turned
@@ -128,25 +127,21 @@ def limbs(shape: PedestrianShape, turn: float) -> dict[str, list[Surface]]:
     return {name: _grown(surfaces, shape) for name, surfaces in moving.items()}
 
 
-def torso_rings(sections: ArrayLike) -> np.ndarray:
-    """Closed rings (S, N, 3) of `sections`: rows (x, z, half depth, half breadth), m."""
-    angles = 2.0 * np.pi * np.arange(20) / 20
-    # A superellipse: flatter in front and behind than an ellipse.
-    cosine, sine = np.cos(angles), np.sin(angles)
-    unit_x = np.sign(cosine) * np.abs(cosine) ** 0.8
-    unit_y = np.sign(sine) * np.abs(sine) ** 0.8
-    x, z, depth, breadth = np.asarray(sections, dtype=np.float64).T[:, :, None]
-    coordinates = np.broadcast_arrays(x + depth * unit_x, breadth * unit_y, z)
-    return np.stack(coordinates, axis=-1)
-
-
 def _grown(surfaces: list[Surface], shape: PedestrianShape) -> list[Surface]:
     return [(shape.size * vertices, triangles) for vertices, triangles in surfaces]
 
 
 def _body(sections, shape):
+    """The skin over closed rings: rows (x, z, half depth, half breadth), m, of `sections`."""
+    angles = 2.0 * np.pi * np.arange(20) / 20
+    # A superellipse: flatter in front and behind than an ellipse.
+    cosine, sine = np.cos(angles), np.sin(angles)
+    unit_x = np.sign(cosine) * np.abs(cosine) ** 0.8
+    unit_y = np.sign(sine) * np.abs(sine) ** 0.8
     build = np.array([1.0, 1.0, shape.depth, shape.breadth])
-    return _grown([loft(torso_rings(np.array(sections) * build))], shape)
+    x, z, depth, breadth = (np.array(sections) * build).T[:, :, None]
+    rings = np.broadcast_arrays(x + depth * unit_x, breadth * unit_y, z)
+    return _grown([loft(np.stack(rings, axis=-1))], shape)
 
 
 def _torso(shape):

@@ -100,12 +100,6 @@ class Scenario:
         box = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
         return np.stack([world_from_target(box, pose) for pose in self.target_poses_world])
 
-    @property
-    def radius_target(self) -> float:
-        """Greatest distance of the contours from the target's centre, m; NaN without any truth."""
-        radii = np.linalg.norm(self.contours_target, axis=2)
-        return float(radii.max()) if radii.size else np.nan
-
 
 def is_star_convex(contour: np.ndarray) -> bool:
     """Whether every point of the polygon `contour` (M, 2), ccw, is seen from the origin.

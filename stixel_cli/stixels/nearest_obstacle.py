@@ -74,15 +74,10 @@ def cell_costs(costs, occupancy, inverse_requirement, bound, free_cost):
         costs[u, rows] = free_cost
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def add_temporal(costs, depths, expected, cost, limit):
     """Add `cost` min(|z_j - z'_u|, `limit`) to costs (W, R + 1); z' (W,) is NaN where unknown."""
-    width, rows = costs.shape
-    for u in range(width):
-        z = expected[u]
-        if not np.isnan(z):
-            for j in range(rows):
-                costs[u, j] += cost * min(abs(depths[j] - z), limit)
+    known = ~np.isnan(expected)
+    costs[known] += cost * np.minimum(np.abs(depths - expected[known, None]), limit)
 
 
 @returning(

@@ -229,6 +229,5 @@ def picture_grid(
         kind=occupancy.kind,
         values=np.ascontiguousarray(values.T),
         depths=grid.depths,
-        disparities=grid.disparities,
         laterals=grid.laterals if occupancy.kind == "cartesian" else image_columns,
     )

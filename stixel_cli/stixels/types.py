@@ -24,13 +24,9 @@ class FreeSpace:
     """(n, W) int32, image row where that obstacle meets the road; -1 where free."""
     road: np.ndarray
     """(n, 2) float64, the road's disparity in row v: road[0] * v + road[1], px."""
-    unknown_row: np.ndarray = None
+    unknown_row: np.ndarray
     """(n, W) int32, nothing is known of the column from this row upwards to its obstacle; -1 where
-    all is known. By default, all is."""
-
-    def __post_init__(self) -> None:
-        if self.unknown_row is None:
-            object.__setattr__(self, "unknown_row", np.full_like(self.base_row, -1))
+    all is known."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +86,6 @@ class OccupancyGrid:
     """(R, C) float32, obstacle pixels per px of disparity (cartesian: per px²)."""
     depths: np.ndarray
     """(R,) m, depth of each row's centre, nearest first."""
-    disparities: np.ndarray
-    """(R,) px, the same as disparities."""
     laterals: np.ndarray
     """(C,) m lateral position of each column (cartesian), else the image column u, px."""
 

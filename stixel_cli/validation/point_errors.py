@@ -161,4 +161,4 @@ def _of_scan(
 def ranges_along(contour_sensor: np.ndarray, bearings: np.ndarray) -> np.ndarray:
     """Range (n,) m to the first crossing along `bearings` (n,) rad, infinite without a crossing."""
     directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
-    return first_hits(contour_sensor, np.zeros(2), directions)
+    return first_hits(contour_sensor, np.zeros_like(directions), directions)

@@ -14,6 +14,7 @@ from stixel_cli.cli.app import main
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.store import META, VALUE, Store
 from stixel_cli.machine import health
+from stixel_cli.rendering.filament import probe
 
 DAY = 86400.0
 
@@ -161,8 +162,8 @@ def renderers(monkeypatch):
     """Stand-ins for the renderers: both work, if nothing else is said."""
 
     def stand_in(raycast=works, filament=works):
-        monkeypatch.setattr(health, "probe_raycast", raycast)
-        monkeypatch.setattr(health, "_probe_filament", filament)
+        found = {"raycast": raycast, "filament": filament}
+        monkeypatch.setattr("stixel_cli.rendering.filament.probe", lambda name, *_: found[name]())
 
     stand_in()
     return stand_in
@@ -213,9 +214,9 @@ def test_filament_may_be_absent_and_rays_the_cache_and_free_space_may_not(
 
 def test_rays_are_cast_in_a_process_of_their_own_that_may_hang_or_fail():
     """Or die, as any renderer's: `tests/rendering/test_filament.py`."""
-    assert health.probe_raycast(600.0) is None
-    assert "within 0.5 s" in health.probe_raycast(0.5, HANGS)
-    assert health.probe_raycast(600.0, SAYS).endswith("code 1: libusb-1.0.so.0: no such file")
+    assert probe("raycast", 600.0, health.PROBES["raycast"]) is None
+    assert "within 0.5 s" in probe("raycast", 0.5, HANGS)
+    assert probe("raycast", 600.0, SAYS).endswith("code 1: libusb-1.0.so.0: no such file")
 
 
 def test_a_read_only_cache_serves_what_it_holds(renderers, tmp_path, monkeypatch):

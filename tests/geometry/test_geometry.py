@@ -142,7 +142,7 @@ def test_hits_are_those_of_another_program(seed):
     origin = 9.0 * np.array([np.cos(seed), np.sin(seed)])
     towards = np.arctan2(*-origin[::-1]) + random.uniform(-0.3, 0.3, 20)
     directions = np.stack([np.cos(towards), np.sin(towards)], axis=-1)
-    found = first_hits(polygon, origin, directions)
+    found = first_hits(polygon, np.tile(origin, (20, 1)), directions)
     for direction, hit in zip(directions, found, strict=True):
         crossed = area.intersection(shapely.LineString([origin, origin + 30.0 * direction]))
         if crossed.is_empty:

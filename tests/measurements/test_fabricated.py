@@ -151,7 +151,7 @@ def test_a_scan_can_be_empty_and_rays_are_no_more_than_columns():
     far = fabricate_scans(scenario(distance=90.0), RIG, EXACT, seed=0)
     assert np.all(np.diff(far.offsets) == 0)
     with pytest.raises(ValueError, match=r"measurement\.rays: must be ≤ rig\.width .*got 641"):
-        fabricate_scans(scenario(), RIG, dataclasses.replace(EXACT, rays=641), seed=0)
+        dataclasses.replace(EXACT, rays=641).check(RIG)
 
 
 def every_ray_with_every_edge(contour, angles):

@@ -8,11 +8,12 @@ from box_scene import RAYCAST, RIG, objects, scenario, target_mesh
 from constants import with_constants
 
 from stixel_cli.errors import UserError
+from stixel_cli.machine.health import PROBES
 from stixel_cli.rendering import filament, filament_process, placement
 from stixel_cli.rendering.filament import (
     RendererUnavailable,
     describe_scene,
-    probe_filament,
+    probe,
     rendered,
 )
 from stixel_cli.rendering.filament_process import (
@@ -72,7 +73,7 @@ def runs():
                 for frames in (range(2), range(1, 2))
             ]
     except RendererUnavailable:
-        problem = probe_filament(60.0)
+        problem = probe("filament", 60.0, PROBES["filament"])
         if problem is None:
             raise
     pytest.skip(problem)
@@ -110,7 +111,7 @@ def test_filament_gives_the_same_bytes_in_another_process_and_chunk(runs):
 def test_a_child_that_hangs_crashes_or_lacks_something_gives_one_line():
     with pytest.raises(RendererUnavailable, match=r"did not start within 0\.1 s \(2 attempts\)"):
         next(rendered(describe(range(1)), HASTY, HANGS))
-    assert probe_filament(0.1, HANGS) == "filament did not start within 0.1 s"
+    assert probe("filament", 0.1, HANGS) == "filament did not start within 0.1 s"
     patient = with_constants(FILAMENT, start_timeout=60.0, attempts=2)
     with pytest.raises(RendererUnavailable) as caught:
         next(rendered(describe(range(1)), patient, DIES))
@@ -119,8 +120,8 @@ def test_a_child_that_hangs_crashes_or_lacks_something_gives_one_line():
         "filament's process died with signal 6: no driver (2 attempts); "
         "renderer=raycast needs no driver"
     )
-    assert probe_filament(60.0, DIES).endswith("signal 6: no driver")
-    assert probe_filament(60.0, SAYS_WHY) == "filament cannot start: no EGL: not here"
+    assert probe("filament", 60.0, DIES).endswith("signal 6: no driver")
+    assert probe("filament", 60.0, SAYS_WHY) == "filament cannot start: no EGL: not here"
 
 
 def test_child_that_hangs_half_way_is_stopped():

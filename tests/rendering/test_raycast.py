@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from projection import unproject
 
-from stixel_cli.rendering import placement, raycast, tracing, views
+from stixel_cli.rendering import placement, raycast, tracing
 from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID
 from stixel_cli.rendering.placement import NEAR, rig_cameras, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
@@ -53,7 +53,7 @@ def test_frame_bytes_do_not_depend_on_chunk_or_partial_rendering(target, moving,
         for k in reversed(range(4))
     ][::-1]
     all_pixels = (0, RIG.height, 0, RIG.width)
-    monkeypatch.setattr(views, "_touched_rectangles", lambda *_: (all_pixels, all_pixels))
+    monkeypatch.setattr(raycast, "_touched_rectangles", lambda *_: (all_pixels, all_pixels))
     whole = [render_frame(chunk, target, motion, k) for k in range(4)]
     for k in range(4):
         assert same(frames[k], alone[k])

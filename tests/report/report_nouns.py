@@ -141,4 +141,5 @@ def make_camera_nouns(rig, rng, first=4, count=2):
         height=np.full(n, 1.5),
         covariances_ego=np.tile(np.eye(2), (n, 1, 1)),
     )
-    return rendered, pairs, disparities, FreeSpace(first, nearest, base_row, lines), stixels
+    known = np.full_like(base_row, -1)
+    return rendered, pairs, disparities, FreeSpace(first, nearest, base_row, lines, known), stixels

@@ -25,7 +25,7 @@ from stixel_cli.pictures.camera import camera_pictures
 from stixel_cli.pictures.over_time import run_pictures
 from stixel_cli.pictures.path_figure import path_figure, spaced_frames
 from stixel_cli.recordings.types import LabelTruth
-from stixel_cli.stixels.types import Objects, OccupancyGrid
+from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.track import ObjectTrack
 
 VIEW = make_rig().field_of_view
@@ -48,24 +48,17 @@ TRACKER = compose().configuration.tracker
 def make_camera_inputs(rig, kind="polar"):
     rng = np.random.default_rng(4)
     rendered, pairs, disparities, free_space, stixels = make_camera_nouns(rig, rng)
-    depths = np.linspace(2.0, 60.0, 80)
-    across = np.arange(rig.width) if kind != "cartesian" else np.linspace(-20.0, 20.0, 90)
-    grid = OccupancyGrid(
-        kind=kind,
-        values=rng.random((len(depths), len(across))).astype(np.float32),
-        depths=depths,
-        disparities=rig.disparity_from_depth(depths),
-        laterals=across,
-    )
+    configuration = compose([f"occupancy={kind}"]).configuration
     return {
         "rendered": rendered,
         "pairs": pairs,
         "disparities": disparities,
-        "grid": grid,
         "free_space": free_space,
         "stixels": stixels,
         "ego_motion": make_ego_motion(),
         "rig": rig,
+        "road": configuration.road,
+        "occupancy": configuration.occupancy,
         "frame": 5,
     }
 
@@ -134,7 +127,6 @@ def test_camera_pictures_accept_empty_results():
         disparity=np.full_like(free.disparity, np.nan),
         base_row=np.full_like(free.base_row, -1),
     )
-    inputs["grid"] = replace(inputs["grid"], values=np.zeros_like(inputs["grid"].values))
     files = camera_pictures(**inputs).files
     check_pngs({"camera.png": files["k0005/camera.png"]})
     grey = np.repeat(inputs["pairs"].left[5 - inputs["pairs"].first][..., None], 3, axis=2)

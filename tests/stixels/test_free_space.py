@@ -288,7 +288,8 @@ def test_cartesian_grid_is_resampled_to_the_columns(rig):
 def test_displayed_grid_shows_the_box_at_its_place(rig, kind):
     empty, box = render(rig), render(rig, boxes=[(1.0, 12.0, 2.0, 1.5)])
     nothing = np.full((2, rig.width), np.nan, np.float32), np.full((2, rig.width), -1, np.int32)
-    free = FreeSpace(4, *nothing, np.tile(road_line(0.0, rig.camera_height, rig), (2, 1)))
+    road = np.tile(road_line(0.0, rig.camera_height, rig), (2, 1))
+    free = FreeSpace(4, *nothing, road, nothing[1])
     disparities = as_disparities(empty, box, first=4)
     arguments = (disparities, free, rig, ROAD, OCCUPANCIES[kind])
     grid = picture_grid(*arguments, frame=5)

@@ -98,7 +98,7 @@ def perfect_errors(shift=0, first=4):
     found = rig.disparity_from_depth(truth.nearest_depth) + shift / 16.0
     line = road_line(0.0, rig.camera_height, rig)
     base = np.zeros((1, rig.width), np.int32)
-    obstacles = FreeSpace(first, found[None].astype(np.float32), base, line[None])
+    obstacles = FreeSpace(first, found[None].astype(np.float32), base, line[None], base - 1)
     disparities = Disparities.from_raw(first, 64, [raw.astype(np.int16)])
     inputs = rendered, disparities, obstacles, perfect_stixels(rig, truth, first=first)
     errors = stage_errors(*inputs, rig, ROAD, GRID, PATH, range(first, first + 1))
@@ -141,7 +141,7 @@ def test_stage_errors_use_the_frame_number_in_every_chunk():
     inputs = (
         RenderedFrames.from_frames(5, [before, (black, black, depth, ids)]),
         Disparities.from_raw(4, 64, [np.full_like(raw, -1)] * 2 + [raw]),
-        FreeSpace(3, np.stack([nan] * 3 + [found]), rows, np.stack([line] * 4)),
+        FreeSpace(3, np.stack([nan] * 3 + [found]), rows, np.stack([line] * 4), rows - 1),
         replace(one, first=5, offsets=np.array([0, 0, one.offsets[-1]])),
     )
     errors = stage_errors(*inputs, rig, ROAD, GRID, PATH, range(6, 7))

@@ -7,9 +7,8 @@ import numpy as np
 import shapely
 
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_json
+from stixel_cli.files import read_json, remembered
 from stixel_cli.measurements.tables import read_table
-from stixel_cli.remembered import remembered
 
 MOST_VERTICES = 1000
 

@@ -103,7 +103,7 @@ def _stixel_file(
         ((left >= 0) & (left < right) & (right <= width), f"its columns are not in 0 to {width}"),
         ((top >= 0) & (top <= base) & (base < height), f"its rows are not in 0 to {height}"),
         ((depth > 0) & (depth <= FARTHEST), f"its depth is not in 0 to {FARTHEST:g} m"),
-        (~(disparity <= 0), "its disparity is not > 0 px"),
+        (np.isnan(disparity) | (disparity > 0), "its disparity is not > 0 px"),
     ):
         refuse_rows(file, ~valid, lambda row, problem=problem: problem)
     order = np.argsort(left, kind="stable")
