@@ -179,7 +179,8 @@ class OneSide:
         """
         radii, radial = self._arms(mean)
         contour = mean[:2] + radii[:, None] * radial
-        ranges = first_hits(contour, rays.sensor[:2], rays.directions)
+        sensors = np.tile(rays.sensor[:2], (len(rays.directions), 1))
+        ranges = first_hits(contour, sensors, rays.directions)
         directions, variances = rays.directions, (self.std_factor * rays.stds) ** 2
         of_position = ((directions @ position) * directions).sum(axis=1)
         share = variances / (variances + of_position)
