@@ -34,12 +34,6 @@ def start(process: ContourProcess) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros(len(process.basis_angles)), process.covariance.copy()
 
 
-def regression_at(angles: np.ndarray, process: ContourProcess) -> tuple[np.ndarray, np.ndarray]:
-    """H^f (n, N) and R^f (n,) m² at `angles` (n,) rad."""
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return process.regression(process.correlations(directions))
-
-
 def update(
     mean: np.ndarray,
     covariance: np.ndarray,
@@ -54,7 +48,7 @@ def update(
     r = H^f x^f + e with e ~ N(0, R^f + R), and the values of a batch are taken as independent given
     the basis points, thesis (49).
     """
-    matrix, variances = regression_at(angles, process)
+    matrix, variances = process.at(angles)
     innovation_covariance = matrix @ covariance @ matrix.T + np.diag(variances + std**2)
     gain = np.linalg.solve(innovation_covariance, matrix @ covariance).T
     updated = covariance - gain @ innovation_covariance @ gain.T
@@ -65,7 +59,7 @@ def radius(
     mean: np.ndarray, covariance: np.ndarray, angles: np.ndarray, process: ContourProcess
 ) -> tuple[np.ndarray, np.ndarray]:
     """Radius (n,) and its standard deviation (n,) in m at `angles` (n,) rad."""
-    matrix, variances = regression_at(angles, process)
+    matrix, variances = process.at(angles)
     spread = np.einsum("ij,ij->i", matrix @ covariance, matrix)
     return matrix @ mean, np.sqrt(np.maximum(spread, 0.0) + variances)
 

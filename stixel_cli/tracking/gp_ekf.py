@@ -127,10 +127,9 @@ def track(
         if stated:
             stated.predict(noise, interval)
         if tracker.slip is not None:
-            before = mean
-            mean, covariance, gain = motion.tied_to_velocity(mean, covariance, tracker.slip)
+            mean, covariance, *tie = motion.tied_to_velocity(mean, covariance, tracker.slip)
             if stated:
-                stated.correct_by_one(gain, motion.velocity_across(before)[1], tracker.slip)
+                stated.correct_by_one(*tie, tracker.slip)
         mean, covariance, indices, nis = _updated(
             (mean, covariance), scan, process, (side, stated), tracker
         )

@@ -71,10 +71,8 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
     directions_target = directions @ rotation(mean[2])
     correlations = process.correlations(directions_target)
     radii, slopes = process.radius(directions_target, correlations, mean[6:])
-    pose_matrix = pose_derivatives(directions, distances, slopes)
-    return Linearisation(
-        directions, distances, distances - radii, pose_matrix, process, correlations
-    )
+    by_pose = pose_derivatives(directions, distances, slopes)
+    return Linearisation(directions, distances, distances - radii, by_pose, process, correlations)
 
 
 def update(

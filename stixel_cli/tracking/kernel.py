@@ -122,3 +122,8 @@ class ContourProcess:
         mean = self.mean_radius + self.sigma_r**2 * coefficients.sum(axis=-1, keepdims=True)
         slope = directions[:, 0] * sums[..., 2, :] - directions[:, 1] * sums[..., 1, :]
         return mean + sums[..., 0, :], slope
+
+    def at(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """H^f (n, N) and R^f (n,) in m² at `angles` (n,) rad."""
+        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        return self.regression(self.correlations(directions))

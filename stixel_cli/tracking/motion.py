@@ -70,16 +70,16 @@ def velocity_across(mean: np.ndarray) -> tuple[float, np.ndarray]:
 
 def tied_to_velocity(
     mean: np.ndarray, covariance: np.ndarray, slip: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Mean (d,) and covariance (d, d) of a target that slides sideways by 0 ± `slip` m/s.
 
     A road user moves along its heading: the velocity across it is measured as zero, which turns
-    heading and velocity towards each other. Also the gain (d,) of that measurement.
+    heading and velocity towards each other. Also that measurement's gain (d,) and row (d,).
     """
     across, row = velocity_across(mean)
     spread = covariance @ row
     gain = spread / (row @ spread + slip**2)
-    return mean - gain * across, covariance - np.outer(gain, spread), gain
+    return mean - gain * across, covariance - np.outer(gain, spread), gain, row
 
 
 def predict(
@@ -96,10 +96,8 @@ def predict(
     K and the mean radius, to which the radii return, of the `process`; None: without radii.
     `noise` is Q̄. F is never formed: it scales blocks.
     """
-    decay, mean_radius = (
-        np.exp(-forgetting_rate * interval),
-        process.mean_radius if process else 0.0,
-    )
+    decay = np.exp(-forgetting_rate * interval)
+    mean_radius = process.mean_radius if process else 0.0
     pose = transition(interval)
     radii = mean_radius + decay * (mean[6:] - mean_radius)
     predicted_mean = np.concatenate([pose @ mean[:6], radii])

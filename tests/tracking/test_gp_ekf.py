@@ -23,12 +23,6 @@ SEEDS = st.integers(0, 2**31)
 PROCESS = ContourProcess(16, 0.5, 1.0, 0.5, 1e-6)
 
 
-def regression_at(process, angles):
-    """H^f and R^f at angles."""
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return process.regression(process.correlations(directions))
-
-
 def some_state(random, process=PROCESS):
     """A state with a contour that is smooth and positive, and points near it."""
     radii = prior_radii(CAR, process.basis_angles)
@@ -59,7 +53,7 @@ def measurement(points, mean, process):
     offset = points - mean[:2]
     bearing = np.arctan2(offset[:, 1], offset[:, 0])
     deviations = mean[6:] - process.mean_radius
-    radius = process.mean_radius + regression_at(process, bearing - mean[2])[0] @ deviations
+    radius = process.mean_radius + process.at(bearing - mean[2])[0] @ deviations
     direction = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     return (mean[:2] + radius[:, None] * direction).ravel()
 
@@ -156,7 +150,7 @@ def test_contour_and_std_match_the_regression():
     angles = 2.0 * np.pi * np.arange(count) / count
     size = TRACKER.basis_points, TRACKER.length_scale
     process = ContourProcess(*size, 1.0, 0.4, TRACKER.jitter)
-    matrix, variances = regression_at(process, angles)
+    matrix, variances = process.at(angles)
     mean, covariance = found.means[-1], found.covariances[-1]
     offsets = found.contours_world[-1] - mean[:2]
     np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), matrix @ mean[6:])
@@ -169,7 +163,7 @@ def test_contour_and_std_match_the_regression():
         def outside(along):
             offset = mean[:2] + along * direction - state[:2]
             angle = np.arctan2(offset[1], offset[0]) - state[2]
-            return np.hypot(*offset) - (regression_at(process, np.array([angle]))[0] @ state[6:])[0]
+            return np.hypot(*offset) - (process.at(np.array([angle]))[0] @ state[6:])[0]
 
         return brentq(outside, 0.05, 20.0, xtol=1e-13)
 

@@ -165,7 +165,7 @@ def test_what_stands_elsewhere_is_remembered_where_it_was_measured():
 def test_heading_and_velocity_are_drawn_together(heading, speed, direction, slip):
     mean = np.array([0, 0, heading, speed * np.cos(direction), speed * np.sin(direction), 0.0])
     covariance = np.diag([0.1, 0.1, 0.05, 0.5, 0.5, 0.1])
-    after, spread, gain = tied_to_velocity(mean, covariance, slip)
+    after, spread, gain, _ = tied_to_velocity(mean, covariance, slip)
     assert after == pytest.approx(mean - gain * velocity_across(mean)[0])
 
     def across(state):

@@ -13,9 +13,7 @@ from stixel_cli.tracking.kernel import ContourProcess, kernel
 NOISE = 0.05
 EXAMPLE = Path(__file__).parents[2] / "examples" / "recursive_gp.py"
 FUNCTIONS = runpy.run_path(str(EXAMPLE))
-radius, regression_at, start, update = (
-    FUNCTIONS[name] for name in ("radius", "regression_at", "start", "update")
-)
+radius, start, update = (FUNCTIONS[name] for name in ("radius", "start", "update"))
 
 
 def contour(angles):
@@ -82,7 +80,7 @@ def test_kernel_is_periodic_and_symmetric_with_the_variance_on_the_diagonal(angl
 def test_regression_matches_the_textbook(basis_points, sigma_r):
     process = ContourProcess(basis_points, LENGTH, SIGMA, sigma_r, 1e-6)
     basis, angles = process.basis_angles, np.linspace(-7.0, 7.0, 61)
-    matrix, variance = regression_at(angles, process)
+    matrix, variance = process.at(angles)
     cross = kernel(angles, basis, LENGTH, SIGMA, sigma_r)
     padded = kernel(basis, basis, LENGTH, SIGMA, sigma_r) + 1e-6 * np.eye(basis_points)
     expected = np.linalg.solve(padded, cross.T).T
@@ -98,8 +96,6 @@ def test_slope_is_the_derivative_of_the_regression():
     angles, step = np.linspace(-3.0, 3.0, 40), 1e-4
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     radius, slope = process.radius(directions, process.correlations(directions), radii)
-    np.testing.assert_allclose(radius, regression_at(angles, process)[0] @ radii, atol=1e-8)
-    difference = (
-        regression_at(angles + step, process)[0] - regression_at(angles - step, process)[0]
-    ) @ radii
+    np.testing.assert_allclose(radius, process.at(angles)[0] @ radii, atol=1e-8)
+    difference = (process.at(angles + step)[0] - process.at(angles - step)[0]) @ radii
     np.testing.assert_allclose(slope, difference / (2 * step), atol=1e-5)

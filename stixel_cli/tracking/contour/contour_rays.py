@@ -113,8 +113,7 @@ class Rays:
         ends = indices[[bearings.argmin(), bearings.argmax()]]
         apart = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends])) * self.ranges[ends]
         nearer = self.ranges[others] < self.ranges[ends] - NEARER
-        right, left = (nearer & (apart < BESIDE)).any(axis=0)
-        return bool(right), bool(left)
+        return tuple((nearer & (apart < BESIDE)).any(axis=0).tolist())
 
 
 def sight_of(
