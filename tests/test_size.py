@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_837
+TOTAL = 45_811
 """Greatest number of lines in all."""
 
 MODULES = 248
@@ -30,7 +30,7 @@ BUDGET = {
     "experiment": 1248,
     "export": 595,
     "geometry": 417,
-    "live": 619,
+    "live": 617,
     "machine": 187,
     "measurements": 1919,
     "pictures": 1369,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2065,
     "studies": 1644,
     "sweeps": 1999,
-    "tracking": 6722,
+    "tracking": 6698,
     "validation": 1103,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
