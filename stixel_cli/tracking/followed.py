@@ -60,7 +60,7 @@ OF_SENSOR = 0.05
 sensor's motion moves all that stands still."""
 
 CERTAIN = 12.0
-"""A road user's speed is so many times the speed's standard error."""
+"""A road user's speed is so many times its standard error. Of 8, six clips have 5 more tracks."""
 
 UNKNOWN_SPEED = 10.0
 """Standard deviation of a velocity that the scans do not show, m/s."""

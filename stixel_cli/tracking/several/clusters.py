@@ -37,17 +37,17 @@ RECENT = 20
 """Speed and places left are those of so many of the last scans that have the cluster."""
 
 FREE = 4.0
-"""Of the places that a road user has left, so many times as many are free as are occupied."""
-
-AWAY = 1.0
-"""A cluster has left a place that is so far from all its points, m."""
+"""Of the places that a road user has left, so many times as many are free as are occupied. Of 1,
+six clips of tuning data have two more tracks."""
 
 ACROSS = 0.5
-"""A ray passes a place at this distance, m."""
+"""A ray passes a place at this distance, m. With 0.7 a car that comes towards the ego is found 3 to
+7 scans later."""
 
 SHADOW = 1.0
 """Behind an object so far from its points, across the rays, m, points at its edges have a depth
-between that of the object and that of the background."""
+between that of the object and that of the background. With 0 no car that comes towards the ego is
+found."""
 
 
 def find_tracks(scans: Scans, prior: PriorShape, start: "ScansStart") -> tuple[FoundTrack, ...]:
@@ -142,7 +142,8 @@ def free_and_occupied(
     rows, pose = np.arange(scans.rows(k).start, scans.rows(k).stop), scans.sensor_poses_world[k]
     apart = scans.points_world[before, None] - scans.points_world[own]
     left_by = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1)
-    before, left_by = before[left_by > AWAY], left_by[left_by > AWAY]
+    # A cluster has left the places that would not belong to it now.
+    before, left_by = before[left_by > GAP], left_by[left_by > GAP]
     places, points = (_seen_from(scans, pose, these) for these in (before, rows))
     view = scans.field_of_view
     inside = np.ones(len(before), bool)
