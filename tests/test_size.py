@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_581
+TOTAL = 45_555
 """Greatest number of lines in all."""
 
 MODULES = 242
@@ -30,7 +30,7 @@ BUDGET = {
     "experiment": 1244,
     "export": 595,
     "geometry": 412,
-    "live": 619,
+    "live": 617,
     "machine": 179,
     "measurements": 1785,
     "pictures": 1385,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2050,
     "studies": 1618,
     "sweeps": 1999,
-    "tracking": 6607,
+    "tracking": 6583,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

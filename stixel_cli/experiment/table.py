@@ -145,7 +145,7 @@ TABLE: dict[str, Definition] = {
     ),
     "truth_start": stage("tracking.start:noisy_start", "start", seeded=True),
     "scans_start": stage("tracking.start_scans:start_from_scans", "start prior"),
-    "find_tracks": stage("tracking.start_scans:find_tracks", "prior start.std start.duration"),
+    "find_tracks": stage("tracking.several.clusters:find_tracks", "prior start"),
     "track": stage(
         by_kind(Tracker, "track"),
         "prior tracker",

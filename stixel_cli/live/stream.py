@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.config.folders import real_image_parameters
+from stixel_cli.config.folders import option_values, real_image_parameters
 from stixel_cli.errors import ArgumentError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
 from stixel_cli.geometry.rig import Rig
@@ -34,10 +34,6 @@ if TYPE_CHECKING:
 
 CALIBRATED = (100, 200, 400)
 """Numbers of pairs after which the rig's error is estimated, from all pairs of images by then."""
-
-START_STD = (0.4, 0.4, 0.2, 1.0, 1.0, 0.4)
-START_DURATION = 1.0
-"""Standard deviations of a track's start, as in `start=scans`: m, rad, and their rates; s."""
 
 HISTORY = 20
 """Whether an object moves is seen from the last scans, so many."""
@@ -213,7 +209,7 @@ class StixelStream:
         times = self._sample_time * np.arange(k + 1)
         scans = Scans.of_each(times, self._poses, points, scan.field_of_view, scan.shared_errors)
         follow_scan(self._tracks, scans, k, SIZES)
-        self._tracks = [one for one in self._tracks if not one.ended]
+        self._tracks = [one for one in self._tracks if one.is_alive(k + 1)]
         numbered = [one for one in self._tracks if one.number is not None]
         for one in self._tracks:
             if one.number is None and confirmed(scans, one, SIZES) is not None:
@@ -232,12 +228,14 @@ class StixelStream:
         """Pose, size and contour of a track after the last of the `scans`."""
         from stixel_cli.trackers import Contour
         from stixel_cli.tracking.contour.class_size import SIZES
-        from stixel_cli.tracking.start_scans import initial_state
+        from stixel_cli.tracking.several.clusters import initial_state
+        from stixel_cli.tracking.start_scans import ScansStart
 
         first = len(scans) - 1
         if one.number not in self._contours:
             # Its scans so far are used now, as it was not clear before that it moves.
-            initial = initial_state(scans, one, first, SIZES, START_STD, START_DURATION)
+            start = ScansStart(**option_values("start", "scans"))
+            initial = initial_state(scans, one, first, SIZES, start)
             first = min(one.rows)
             self._contours[one.number] = Contour(
                 "unknown",

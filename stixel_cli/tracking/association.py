@@ -44,14 +44,17 @@ def associate(
     point to point: the position's covariance + the extent + the measurement's covariance. A
     `probability` of None takes every point.
     """
-    if probability is None:
-        return np.arange(len(points_world))
-    from scipy.special import chdtri
-
     x, y = (points_world - expected_world).T
     xx, xy, yy = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
     distance = (yy * x**2 - 2.0 * xy * x * y + xx * y**2) / (xx * yy - xy**2)
-    return np.flatnonzero(distance <= chdtri(2, 1.0 - probability))
+    return np.flatnonzero(distance <= gate(probability, 2))
+
+
+def gate(probability: float | None, degrees: int) -> float:
+    """The greatest squared distance, of so many `degrees` of freedom; inf without a probability."""
+    from scipy.special import chdtri
+
+    return np.inf if probability is None else float(chdtri(degrees, 1.0 - probability))
 
 
 def uncut(

@@ -101,9 +101,8 @@ def track(
     Raises:
         UserError: in one line that names file, place and cause.
     """
-    table, count = rows_of_scans(scans, tracker), len(scans)
-    before = np.searchsorted(table.index, np.arange(count), side="right") - 1
-    table = table.iloc[np.maximum(before, 0)]
+    count = len(scans)
+    table = rows_of_scans(scans, tracker).reindex(range(count), method="ffill").bfill()
     means, covariances = states = _states(table, scans, tracker.frame)
     sizes = table[SIZE].to_numpy() if SIZE[0] in table else None
     radii = table[table.columns.intersection(RADII)].to_numpy()

@@ -1,4 +1,4 @@
-"""Clusters that are followed over the scans.
+"""Clusters that are followed over the scans, and the state of a road user from one of them.
 
 Bar-Shalom, Li 1995, *Multitarget-Multisensor Tracking*: constant velocity, chi-square gates,
 global nearest neighbour, begin by M of N.
@@ -6,21 +6,33 @@ global nearest neighbour, begin by M of N.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_covariances
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_covariances, rotation
 from stixel_cli.measurements.clusters import GAP, cluster
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.kalman import update
-from stixel_cli.tracking.motion import intervals, predict_place
+from stixel_cli.tracking.association import gate
+from stixel_cli.tracking.kalman import mixture, update
+from stixel_cli.tracking.motion import (
+    GREATEST_VARIANCE,
+    LEAST_SPEED,
+    intervals,
+    predict_place,
+    transition,
+)
+from stixel_cli.tracking.track import InitialState
+
+if TYPE_CHECKING:
+    from stixel_cli.tracking.start_scans import ScansStart
 
 RAYS_APART, WIDEST = 2.0, 3.0
 """Points of one object are this many distances of neighbouring rays apart, at most `WIDEST` m: a
 sparse lidar's rays are far apart on a distant target, and farther where they graze it."""
 
-GATE = 9.21
-"""Squared distance of a cluster to a prediction: 99 % of a chi-square with two degrees."""
+GATE = 0.99
+"""Chi-square probability of a cluster's distance to a prediction."""
 
 BEGIN, WINDOW = 3, 4
 """A track begins if so many of so many scans in a row have its cluster."""
@@ -40,6 +52,16 @@ ACCELERATION = 3.0
 LARGEST = 1.6
 """A cluster of a road user is at most this many times the class's diagonal long."""
 
+SEEN = 0.8
+"""A side is seen whole if the points extend over this share of it."""
+
+OF_SENSOR = 0.05
+"""A road user is faster than `LEAST_SPEED` plus this share of the sensor's speed: the error of the
+sensor's motion moves all that stands still."""
+
+CERTAIN = 12.0
+"""A road user's speed is so many times its standard error. Of 8, six clips have 5 more tracks."""
+
 UNKNOWN_SPEED = 10.0
 """Standard deviation of a velocity that the scans do not show, m/s."""
 
@@ -53,14 +75,14 @@ class OpenTrack:
     mean: np.ndarray
     covariance: np.ndarray
     """`mean`, `covariance`: (4,), (4, 4) of place and velocity, m and m/s, at the last scan."""
-    missed: int = 0
-    """Scans in a row without the cluster."""
-    begun: bool = False
-    """Whether it has passed M of N."""
-    ended: bool = False
-    """Whether it gets no more clusters."""
     number: int | None = None
     """Of the road user, where tracks are numbered."""
+
+    def is_alive(self, k: int) -> bool:
+        """Whether it may have a cluster in scan `k`, later than those that it has."""
+        ks = [*self.rows]
+        begun = any(last - first < WINDOW for first, last in zip(ks, ks[BEGIN - 1 :], strict=False))
+        return k - ks[-1] <= END if begun else k - ks[0] < WINDOW or k - ks[-1] == 1
 
     def at(self, ks: Sequence[int]) -> "OpenTrack":
         """The track in the scans `ks`."""
@@ -75,6 +97,18 @@ class OpenTrack:
         """The velocity (2,) m/s of the middles of its points, and its error, see `line`."""
         places = [scans.points_world[rows].mean(axis=0) for rows in self.rows.values()]
         return line(scans.times[[*self.rows]], np.array(places))[1:]
+
+    def is_fast(self, scans: Scans) -> bool:
+        """Whether it is faster than a static object with errors."""
+        ks, (velocity, error) = [*self.rows], self.velocity(scans)
+        of_sensor = line(scans.times[ks], scans.sensor_poses_world[ks, :2])[1]
+        least = max(least_speed(float(np.hypot(*of_sensor))), CERTAIN * error)
+        return float(np.hypot(*velocity)) >= least
+
+
+def least_speed(of_sensor: float) -> float:
+    """The speed, m/s, of the slowest road user that moves, given that of the sensor."""
+    return LEAST_SPEED + OF_SENSOR * of_sensor
 
 
 def clusters_of(scans: Scans, k: int, longest: float) -> list[np.ndarray]:
@@ -110,22 +144,14 @@ def follow_scan(tracks: list[OpenTrack], scans: Scans, k: int, sizes: np.ndarray
         PLACE**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
         for rows in clusters
     ]
-    alive, interval = [one for one in tracks if not one.ended], intervals(scans.times)[k]
+    alive, interval = [one for one in tracks if one.is_alive(k)], intervals(scans.times)[k]
     for one in alive:
         one.mean, one.covariance = predict_place(one.mean, one.covariance, interval, ACCELERATION)
     pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
-    for i, one in enumerate(alive):
-        j = pairs.get(i)
-        if j is None:
-            one.missed += 1
-            too_late = not one.begun and k - min(one.rows) + 1 >= WINDOW
-            one.ended = too_late or one.missed >= END
-        else:
-            innovation = places[j] - one.mean[:2]
-            one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
-            one.rows[k] = clusters[j]
-            one.begun |= sum(scan > k - WINDOW for scan in one.rows) >= BEGIN
-            one.missed = 0
+    for i, j in pairs.items():
+        one, innovation = alive[i], places[j] - alive[i].mean[:2]
+        one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
+        one.rows[k] = clusters[j]
     for j in {*range(len(clusters))} - {*pairs.values()}:
         covariance = np.diag([0.0, 0.0, UNKNOWN_SPEED**2, UNKNOWN_SPEED**2])
         covariance[:2, :2] = noise[j]
@@ -160,7 +186,7 @@ def assign(
         spread = covariance[:2, :2] + np.array(noise)
         away = np.array(places) - mean[:2]
         squared = np.sum(away * np.linalg.solve(spread, away[..., None])[..., 0], axis=1)
-        near = squared <= GATE
+        near = squared <= gate(GATE, 2)
         row[near] = squared[near] + np.log(np.linalg.det(spread[near])) - PAIR
     found = zip(*linear_sum_assignment(costs), strict=True)
     return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
@@ -177,3 +203,71 @@ def line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray,
         return centre, velocity, np.inf
     residuals = places - centre - offsets[:, None] * velocity
     return centre, velocity, float(np.sqrt(np.sum(residuals**2) / free / (offsets @ offsets)))
+
+
+def state_of(
+    scans: Scans, one: OpenTrack, sizes: np.ndarray, start: "ScansStart", first: int = 0
+) -> InitialState:
+    """State one sample before the scan `first`: the class's rectangle on a cluster.
+
+    The line of centres over time gives place, direction and speed in the middle of the scans of the
+    track `one`, or of the first alone with `start.motion=sensor`; the state is moved back in time
+    at constant velocity. With several `sizes` (n, 2) m, of each possible class, it has the mean and
+    the covariance of an even mixture of their states. The standard deviations of heading and rates
+    are greater than those of `start` where the scans do not show them.
+    """
+    states = [_state_of(scans, one, size, start) for size in sizes]
+    means, covariances, times = (np.stack(part) for part in zip(*states, strict=True))
+    mean, covariance = mixture(np.full(len(sizes), 1.0 / len(sizes)), means, covariances)
+    back = transition(scans.times[first] - intervals(scans.times)[first] - times[0])
+    return InitialState(back @ mean, back @ covariance @ back.T)
+
+
+def _state_of(
+    scans: Scans, one: OpenTrack, size: np.ndarray, start: "ScansStart"
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mean (6,) and covariance (6, 6) with one `size` (2,) m, and their time, s."""
+    of_sensor, sensors = start.motion == "sensor", scans.sensor_poses_world
+    ks, stds = [*one.rows][: 1 if of_sensor else None], np.array(start.std)
+    points = [scans.points_world[one.rows[k]] for k in ks]
+    times, near = scans.times[ks], slice(max(ks[0] - 1, 0), ks[0] + 2)
+    if of_sensor:
+        heading, velocity = sensors[ks[0], 2], line(scans.times[near], sensors[near, :2])[1]
+    else:
+        velocity, _ = one.velocity(scans)
+        headed = float(np.hypot(*velocity)) >= LEAST_SPEED
+        heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(points)
+        stds[2] = stds[2] if headed else np.sqrt(GREATEST_VARIANCE)
+    centres = [
+        _centre(each, sensors[k, :2], heading, size) for k, each in zip(ks, points, strict=True)
+    ]
+    centre, of_centres, error = line(times, np.array(centres))
+    if not of_sensor:
+        velocity = of_centres
+        stds[3:5] = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
+    return np.array([*centre, heading, *velocity, 0.0]), np.diag(stds**2), float(times.mean())
+
+
+def _longest(points: Sequence[np.ndarray]) -> float:
+    """Direction of the longest axis of the points (n, 2) m of each scan, rad."""
+    offsets = np.concatenate([each - each.mean(axis=0) for each in points])
+    _, axes = np.linalg.eigh(offsets.T @ offsets)
+    return float(np.arctan2(axes[1, 1], axes[0, 1]))
+
+
+def _centre(
+    points_world: np.ndarray, sensor_world: np.ndarray, heading: float, size: np.ndarray
+) -> np.ndarray:
+    """Centre (2,) m of a rectangle of `size` (2,) m whose sides to the sensor have the points.
+
+    Along each axis of the rectangle: in the middle of the points if they extend over the side, or
+    if the sensor is between them; else half a side behind the nearest points.
+    """
+    turn = rotation(heading)
+    points, sensor = points_world @ turn, sensor_world @ turn
+    low, high = np.quantile(points, [0.1, 0.9], axis=0)
+    whole = high - low >= SEEN * size
+    nearest_high, nearest_low = ~whole & (sensor > high), ~whole & (sensor < low)
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    centre = np.where(nearest_high, high - 0.5 * size, centre)
+    return turn @ np.where(nearest_low, low + 0.5 * size, centre)

@@ -59,19 +59,22 @@ def check_track(result: Any, scans: Scans, name: str) -> None:
         if got != shape:
             right = ", ".join(map(str, shape))
             raise ValueError(f"{name}: {field} of its track must have shape ({right}), got {got}")
-    if not isinstance(states[0], int) or states[0] < 6 or corners < 3:
-        raise ValueError(
-            f"{name}: its track must have six states or more and three corners or more"
-        )
-    if not np.array_equal(result.times, scans.times):
-        raise ValueError(f"{name}: the times of its track must be those of the scans")
-    used = np.asarray(result.used_points)
-    offsets = np.asarray(result.used_offsets)
-    if offsets.dtype.kind not in "iu" or used.dtype.kind not in "iu":
-        raise ValueError(f"{name}: used_offsets and used_points of its track must be whole numbers")
-    if offsets[0] != 0 or offsets[-1] != len(used) or np.any(np.diff(offsets) < 0):
-        raise ValueError(f"{name}: used_offsets of its track must rise from 0 to {len(used)}")
-    inside = (used >= 0) & (used < len(scans.points_world))
-    if not inside.all():
-        raise ValueError(f"{name}: used_points of its track must be rows of the scans' points")
+    used, offsets = np.asarray(result.used_points), np.asarray(result.used_offsets)
+    whole = offsets.dtype.kind in "iu" and used.dtype.kind in "iu"
+    rising = (
+        whole
+        and (offsets[0], offsets[-1]) == (0, len(used))
+        and bool(np.all(np.diff(offsets) >= 0))
+    )
+    rules = {
+        "must have six states or more and three corners or more": states[0] >= 6 and corners >= 3,
+        "must have the times of the scans": np.array_equal(result.times, scans.times),
+        "must have whole numbers as used_offsets and used_points": whole,
+        f"must have used_offsets that rise from 0 to {len(used)}": rising,
+        "must have rows of the scans' points as used_points": whole
+        and np.all((used >= 0) & (used < len(scans.points_world))),
+    }
+    for rule, holds in rules.items():
+        if not holds:
+            raise ValueError(f"{name}: its track {rule}")
     check_finite(result, name)

@@ -14,12 +14,16 @@ from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.followed import BEGIN, END, assign, follow
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.several import clusters
-from stixel_cli.tracking.several.clusters import LEAST_SCANS, confirmed, free_and_occupied
+from stixel_cli.tracking.several.clusters import (
+    LEAST_SCANS,
+    confirmed,
+    find_tracks,
+    free_and_occupied,
+)
 from stixel_cli.tracking.several.track_each import own_scans, track_each
-from stixel_cli.tracking.start_scans import find_tracks
 
 CONFIGURATION = compose(["start=scans", "tracker=box"]).configuration
-PRIOR, STD = CONFIGURATION.prior, CONFIGURATION.start.std
+PRIOR = CONFIGURATION.prior
 REAR = np.stack([np.linspace(-0.85, 0.85, 8), np.zeros(8)], axis=1)
 WALL = np.stack([np.linspace(-9.0, -8.0, 5), np.full(5, 25.0)], axis=1)
 SIZES = np.array([[PRIOR.length, PRIOR.width]])
@@ -33,7 +37,7 @@ def scans_of(points_of_each, poses=None):
 
 def found_in(scans):
     """The road users that move."""
-    return find_tracks(scans, PRIOR, STD, 1.0)
+    return find_tracks(scans, PRIOR, CONFIGURATION.start)
 
 
 def car(place, velocity, k):
@@ -95,7 +99,7 @@ def seen_in(scans_seen, count):
 )
 def test_a_track_begins_by_m_of_n_and_ends_without_clusters(seen, scans):
     assert BEGIN == 3
-    tracks = [one for one in follow(seen_in(seen, 20), SIZES) if one.begun]
+    tracks = [one for one in follow(seen_in(seen, 20), SIZES) if len(one.rows) >= BEGIN]
     assert [[min(one.rows), max(one.rows)] for one in tracks] == scans
 
 

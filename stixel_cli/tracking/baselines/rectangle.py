@@ -28,7 +28,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.parameters import parameters
-from stixel_cli.tracking.association import associate, uncut
+from stixel_cli.tracking.association import associate, gate, uncut
 from stixel_cli.tracking.baselines.rectangle_contour import NORMALS, contours_of
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.loop import Filtered
@@ -217,12 +217,8 @@ def _ends(
 
 def inside(covariance: np.ndarray, rows: Rows, probability: float | None) -> np.ndarray:
     """Which rows (m,) have an innovation inside the gate; `covariance` as of `update`."""
-    if probability is None:
-        return np.ones(len(rows.innovations), bool)
-    from scipy.special import chdtri
-
     spread = np.einsum("mi,ij,mj->m", rows.matrix, covariance, rows.matrix) + rows.variances
-    return rows.innovations**2 <= chdtri(1, 1.0 - probability) * spread
+    return rows.innovations**2 <= gate(probability, 1) * spread
 
 
 def update(
