@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_555
+TOTAL = 45_549
 """Greatest number of lines in all."""
 
 MODULES = 242
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2050,
     "studies": 1618,
     "sweeps": 1999,
-    "tracking": 6583,
+    "tracking": 6577,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -48,10 +48,10 @@ from stixel_cli.tracking.baselines.pyrecest import PyRecEstParameters
 from stixel_cli.tracking.baselines.rectangle import RectangleParameters
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.file import FileTrackParameters
+from stixel_cli.tracking.followed import ScansStart
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.start import NO_TRUTH, TruthStart
-from stixel_cli.tracking.start_scans import ScansStart
 
 Renderer = RaycastParameters | FilamentParameters
 MeasurementParameters = StixelsParameters | FabricatedParameters | LidarParameters | FileParameters

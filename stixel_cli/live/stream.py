@@ -228,8 +228,8 @@ class StixelStream:
         """Pose, size and contour of a track after the last of the `scans`."""
         from stixel_cli.trackers import Contour
         from stixel_cli.tracking.contour.class_size import SIZES
+        from stixel_cli.tracking.followed import ScansStart
         from stixel_cli.tracking.several.clusters import initial_state
-        from stixel_cli.tracking.start_scans import ScansStart
 
         first = len(scans) - 1
         if one.number not in self._contours:

@@ -6,13 +6,15 @@ global nearest neighbour, begin by M of N.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_covariances, rotation
 from stixel_cli.measurements.clusters import GAP, cluster
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import gate
 from stixel_cli.tracking.kalman import mixture, update
 from stixel_cli.tracking.motion import (
@@ -23,9 +25,6 @@ from stixel_cli.tracking.motion import (
     transition,
 )
 from stixel_cli.tracking.track import InitialState
-
-if TYPE_CHECKING:
-    from stixel_cli.tracking.start_scans import ScansStart
 
 RAYS_APART, WIDEST = 2.0, 3.0
 """Points of one object are this many distances of neighbouring rays apart, at most `WIDEST` m: a
@@ -64,6 +63,57 @@ CERTAIN = 12.0
 
 UNKNOWN_SPEED = 10.0
 """Standard deviation of a velocity that the scans do not show, m/s."""
+
+
+Degrees = Annotated[float, Ge(-180), Le(180)]
+Metres = Annotated[float, Ge(0), Le(1000)]
+
+
+@parameters
+class ScansStart:
+    """A start from the scans and the class prior; it sees no truth.
+
+    With `bearing` or `range` the target is the cluster inside them that is nearest to their middle,
+    in the first scan that has one. With neither it is the cluster that moves, or the only one.
+
+    Attributes:
+        bearing: [lowest, highest] direction from the sensor, degrees, 0 ahead, positive to the
+            left; null: any.
+        range: [lowest, highest] distance from the sensor, m; null: any.
+        motion: `scans`: heading and velocity are those of the cluster over time; `sensor`: those of
+            the sensor, as of a car that drives ahead of it.
+        duration: the cluster is followed for this time, s.
+        position: standard deviation of x and of y, m; the others are standard deviations too.
+        heading: rad.
+        velocity: of the rates of x and of y, m/s.
+        heading_rate: rad/s.
+    """
+
+    kind: Literal["scans"]
+    bearing: tuple[Degrees, Degrees] | None
+    range: tuple[Metres, Metres] | None
+    motion: Literal["scans", "sensor"]
+    duration: Annotated[float, Gt(0), Le(60)]
+    position: Annotated[float, Gt(0), Le(100)]
+    heading: Annotated[float, Gt(0), Le(3.2)]
+    velocity: Annotated[float, Gt(0), Le(100)]
+    heading_rate: Annotated[float, Gt(0), Le(10)]
+
+    @property
+    def std(self) -> tuple[float, ...]:
+        """Standard deviations (6,) of the state."""
+        return (*[self.position] * 2, self.heading, *[self.velocity] * 2, self.heading_rate)
+
+    def check(self) -> None:
+        """Raise ValueError for bounds that are not in order."""
+        if self.motion == "sensor" and self.bearing is None and self.range is None:
+            raise ValueError("start.bearing: start.motion=sensor needs a bearing or a range")
+        for name in ("bearing", "range"):
+            bounds = getattr(self, name)
+            if bounds is not None and bounds[1] <= bounds[0]:
+                raise ValueError(
+                    f"start.{name}: the second must be greater than the first, got {list(bounds)}"
+                )
 
 
 @dataclass
@@ -206,7 +256,7 @@ def line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray,
 
 
 def state_of(
-    scans: Scans, one: OpenTrack, sizes: np.ndarray, start: "ScansStart", first: int = 0
+    scans: Scans, one: OpenTrack, sizes: np.ndarray, start: ScansStart, first: int = 0
 ) -> InitialState:
     """State one sample before the scan `first`: the class's rectangle on a cluster.
 
@@ -224,7 +274,7 @@ def state_of(
 
 
 def _state_of(
-    scans: Scans, one: OpenTrack, size: np.ndarray, start: "ScansStart"
+    scans: Scans, one: OpenTrack, size: np.ndarray, start: ScansStart
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Mean (6,) and covariance (6, 6) with one `size` (2,) m, and their time, s."""
     of_sensor, sensors = start.motion == "sensor", scans.sensor_poses_world

@@ -1,69 +1,16 @@
 """Initialisation of a tracker from the first scans alone: a cluster of points that is followed."""
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.parameters import parameters
 from stixel_cli.tracking.contour.class_size import SIZES, possible_sizes
-from stixel_cli.tracking.followed import OpenTrack, follow, state_of
+from stixel_cli.tracking.followed import OpenTrack, ScansStart, follow, state_of
 from stixel_cli.tracking.motion import LEAST_SPEED
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
-
-Degrees = Annotated[float, Ge(-180), Le(180)]
-Metres = Annotated[float, Ge(0), Le(1000)]
-
-
-@parameters
-class ScansStart:
-    """A start from the scans and the class prior; it sees no truth.
-
-    With `bearing` or `range` the target is the cluster inside them that is nearest to their middle,
-    in the first scan that has one. With neither it is the cluster that moves, or the only one.
-
-    Attributes:
-        bearing: [lowest, highest] direction from the sensor, degrees, 0 ahead, positive to the
-            left; null: any.
-        range: [lowest, highest] distance from the sensor, m; null: any.
-        motion: `scans`: heading and velocity are those of the cluster over time; `sensor`: those of
-            the sensor, as of a car that drives ahead of it.
-        duration: the cluster is followed for this time, s.
-        position: standard deviation of x and of y, m; the others are standard deviations too.
-        heading: rad.
-        velocity: of the rates of x and of y, m/s.
-        heading_rate: rad/s.
-    """
-
-    kind: Literal["scans"]
-    bearing: tuple[Degrees, Degrees] | None
-    range: tuple[Metres, Metres] | None
-    motion: Literal["scans", "sensor"]
-    duration: Annotated[float, Gt(0), Le(60)]
-    position: Annotated[float, Gt(0), Le(100)]
-    heading: Annotated[float, Gt(0), Le(3.2)]
-    velocity: Annotated[float, Gt(0), Le(100)]
-    heading_rate: Annotated[float, Gt(0), Le(10)]
-
-    @property
-    def std(self) -> tuple[float, ...]:
-        """Standard deviations (6,) of the state."""
-        return (*[self.position] * 2, self.heading, *[self.velocity] * 2, self.heading_rate)
-
-    def check(self) -> None:
-        """Raise ValueError for bounds that are not in order."""
-        if self.motion == "sensor" and self.bearing is None and self.range is None:
-            raise ValueError("start.bearing: start.motion=sensor needs a bearing or a range")
-        for name in ("bearing", "range"):
-            bounds = getattr(self, name)
-            if bounds is not None and bounds[1] <= bounds[0]:
-                raise ValueError(
-                    f"start.{name}: the second must be greater than the first, got {list(bounds)}"
-                )
 
 
 def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> InitialState:

@@ -7,7 +7,6 @@ the cluster was.
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,15 +19,13 @@ from stixel_cli.tracking.followed import (
     LARGEST,
     WINDOW,
     OpenTrack,
+    ScansStart,
     diagonal,
     follow,
     state_of,
 )
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import FoundTrack, InitialState
-
-if TYPE_CHECKING:
-    from stixel_cli.tracking.start_scans import ScansStart
 
 LEAST_SCANS = 6
 """A road user that moves is in so many scans, or more."""
@@ -50,7 +47,7 @@ between that of the object and that of the background. With 0 no car that comes 
 found."""
 
 
-def find_tracks(scans: Scans, prior: PriorShape, start: "ScansStart") -> tuple[FoundTrack, ...]:
+def find_tracks(scans: Scans, prior: PriorShape, start: ScansStart) -> tuple[FoundTrack, ...]:
     """The road users of the class that move, in the order of their first scans."""
     sizes = possible_sizes(prior)
     kept: list[tuple[OpenTrack, int]] = []
@@ -70,7 +67,7 @@ def find_tracks(scans: Scans, prior: PriorShape, start: "ScansStart") -> tuple[F
 
 
 def initial_state(
-    scans: Scans, one: OpenTrack, last: int, sizes: np.ndarray, start: "ScansStart"
+    scans: Scans, one: OpenTrack, last: int, sizes: np.ndarray, start: ScansStart
 ) -> InitialState:
     """State one sample before the first scan of a track that was confirmed in scan `last`.
 
