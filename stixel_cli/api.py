@@ -21,7 +21,8 @@ from stixel_cli.config.texts import mapping_texts, override_text, split_override
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.run import read_stored_run, record_run
+from stixel_cli.experiment.run import record_run
+from stixel_cli.experiment.stored import read_stored_run
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.folder import check_results
 from stixel_cli.results.result import SWEEP_FILE, RunResult

@@ -98,7 +98,7 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
         raise UserError(f"--output: the folder {output.parent} does not exist")
     from stixel_cli.border import write_new
     from stixel_cli.engine.progress import Progress
-    from stixel_cli.experiment.run import folders_page
+    from stixel_cli.experiment.stored import folders_page
     from stixel_cli.results.folder import PAGE, default_page, run_labels
     from stixel_cli.results.result import SWEEP_FILE
     from stixel_cli.sweeps.folder import PLAYER, SweepFolder, asked_folders, sweep_page

@@ -21,8 +21,8 @@ from stixel_cli.config.overrides import (
     check_overrides,
     parse,
     read_overrides,
-    with_own_values,
 )
+from stixel_cli.config.own_options import with_own_values
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
 from stixel_cli.engine.execute import Execution, execute
