@@ -16,7 +16,7 @@ from stixel_cli.config.folders import absolute, group_options, installed_functio
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.engine.cache_folder import CELLS
 from stixel_cli.engine.parameters import default_cache_folder
-from stixel_cli.engine.user_modules import folder_of
+from stixel_cli.engine.versions import folder_of
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.own_code import OwnCode, all_values, parameters_type
 

@@ -49,7 +49,7 @@ def value_text(value: Any) -> str:
             return value_text(str(value))
         case _ if callable(value):
             # Completion does not need the engine.
-            from stixel_cli.engine.user_modules import function_name
+            from stixel_cli.engine.loaded_code import function_name
 
             return function_name(value)
         case None:
