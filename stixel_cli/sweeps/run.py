@@ -28,6 +28,7 @@ from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
 from stixel_cli.engine.execute import Execution, execute
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.keys import digest
+from stixel_cli.engine.plan import probe
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import ConfigurationError, Interrupted, UserError
 from stixel_cli.evaluation.scores import Scores
@@ -364,7 +365,7 @@ def new_sweep(
     )
     folder = None
     if results is not None:
-        plan.probe()
+        probe(len(plan.missing), plan.store, plan.executor)
         swept = [re.split("[./]", key)[-1] for key in design.keys]
         stem = Path(design.file).stem if design.file else joined_name(["sweep", *swept])
         now, create = datetime.now(UTC), lambda path: SweepFolder(path).create(request)
