@@ -45,7 +45,7 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Resolved
 
     A group that stands alone has the content of its option's file. Hydra composes the others. That
     takes 0.1 s and more, so it is stored in the cache folder, under a digest of the options, of the
-    files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
+    files of `conf/` (`state`, see `conf_state`) and of Hydra's version.
     ConfigurationError in one line, if Hydra cannot compose the options.
     """
     experiment = dict(chosen).get(folders.EXPERIMENT, folders.default_option(folders.EXPERIMENT))

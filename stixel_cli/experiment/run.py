@@ -2,15 +2,13 @@
 
 import shlex
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import PRESETS
-from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
 from stixel_cli.evaluation.scores import Scores
@@ -48,9 +46,6 @@ def run_experiment(
     wanted += [CAMERA] if (pictures if camera is None else camera) else []
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
         results = {name: next(iter(load(name)), None) for name in (*RESULTS, "calibration")}
-        if progress is not None and progress.advice:
-            for doubt in filter(None, _doubts(composition.configuration, results)):
-                progress.note(doubt)
         drawn = [one.files for name in PICTURES for one in load(name)]
         objects = tuple(load(OBJECTS))
         return RunResult(
@@ -69,18 +64,17 @@ def run_experiment(
         )
 
 
-def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str | None]:
-    """What is probably wrong with the user's files, one line each; `results` are of `RESULTS`."""
-    scenario, tracker = results["scenario"], configuration.tracker
-    measurement, user = configuration.measurement, configuration.road_user
+def _doubts(run: RunResult) -> Iterator[str | None]:
+    """What is probably wrong with the user's files, one line each."""
+    configuration, truth = run.configuration, run.scenario.target_poses_world
+    tracker, user = configuration.tracker, configuration.road_user
     if isinstance(tracker, FileTrackParameters):
-        scans, track = results["scans"], results["track"]
-        yield from track_doubts(tracker, scans, track, scenario.target_poses_world)
-    if measurement.kind == "file":
+        yield from track_doubts(tracker, run.scans, run.track, truth)
+    if configuration.measurement.kind == "file":
         # Shapely is imported for it.
         from stixel_cli.measurements.file_truth import heading_note
 
-        yield heading_note(scenario, measurement.angle_unit)
+        yield heading_note(run.scenario, configuration.measurement.angle_unit)
     elif user.mesh is not None and configuration.source.kind == "rendered":
         # So is trimesh.
         from stixel_cli.scene.mesh_file import mesh_doubt
@@ -108,6 +102,8 @@ def record_run(
     now = datetime.now(UTC)
     rows = compared_rows(composition, progress.note)
     run = run_experiment(composition, progress, on_scores=on_scores)
+    for doubt in filter(None, _doubts(run) if progress.advice else ()):
+        progress.note(doubt)
     if rerun_of is None:
         command = ["stixel", "run", *composition.overrides, *PRESETS.option]
         stem = joined_name(differences(composition.choices, composition.overrides))
