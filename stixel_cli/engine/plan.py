@@ -119,11 +119,11 @@ def probe(missing: int, store: Store, executor: Executor | None) -> None:
     """Raise what `execute` would raise before it computes `missing` nodes.
 
     Without missing nodes neither a writable store nor workers are needed. CacheError if results
-    cannot be stored, ExecutorError as `probe_scheduler` does.
+    cannot be stored, ExecutorError as of `DaskPool`.
     """
     if missing:
         store.check_writable()
     if missing and isinstance(executor, DaskExecutor):
-        from stixel_cli.engine.dask_pool import probe_scheduler
+        from stixel_cli.engine.dask_pool import DaskPool
 
-        probe_scheduler(executor)
+        DaskPool(executor).close()
