@@ -217,7 +217,7 @@ def load(folder: Path | str) -> "RunResult | Runs":
     if (Path(folder) / SWEEP_FILE).exists():
         from stixel_cli.sweeps.folder import read_sweep
 
-        return read_sweep(Path(folder))[0].table
+        return read_sweep(Path(folder)).table
     return with_arrays(read_stored_run(Path(folder)))
 
 

@@ -326,15 +326,12 @@ class Sweep(Progress):
         """Write `runs.csv`, and the summaries of complete settings."""
         runs = tuple(self.runs.get(one.index, one) for one in self.plan.runs)
         folder = None if self.folder is None else self.folder.path
-        request = self.request
-        result = SweepResult(
-            folder, runs, self.computed, len(self.stored), request.axes, request.over
-        )
+        result = SweepResult(folder, runs, self.request, self.computed, len(self.stored))
         if self.folder is not None:
             table = import_module("pandas").DataFrame(result.rows, dtype=object)
             self.folder.write({TABLE: table.to_csv(index=False, lineterminator="\n")})
             if result.count(DONE):
-                self.folder.write(summary_files(result, self.request.notes))
+                self.folder.write(summary_files(result))
         return result
 
 
