@@ -87,12 +87,12 @@ def _key_schema(key: Key) -> dict[str, Any]:
 
 def _value(schema: Mapping[str, Any]) -> dict[str, Any]:
     """A schema that also accepts an interpolation, for the whole value and for its elements."""
-    inner = {
-        "items": lambda one: _value(one) if isinstance(one, dict) else one,
-        "prefixItems": lambda options: [*map(_value, options)],
-    }
-    schema = {name: inner.get(name, lambda same: same)(one) for name, one in schema.items()}
-    options = [_value(one) for one in schema.get("anyOf", ())] or [schema]
+    schema = dict(schema)
+    if isinstance(schema.get("items"), dict):
+        schema["items"] = _value(schema["items"])
+    if "prefixItems" in schema:
+        schema["prefixItems"] = [*map(_value, schema["prefixItems"])]
+    options = [*map(_value, schema.get("anyOf", ()))] or [schema]
     return _any_of([*options, _INTERPOLATION])
 
 
