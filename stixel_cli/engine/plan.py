@@ -103,9 +103,9 @@ class Durations:
         by_function: dict[str, list[str]] = {}
         for key in seconds:
             by_function.setdefault(graph.nodes[key].stage.function, []).append(key)
-        for function, first in by_function.items():
-            others = first[workers:]
-            keys = others or first
+        for function, every in by_function.items():
+            others = every[workers:]
+            keys = others or every
             mean = sum(seconds[key] for key in keys) / sum(graph.nodes[key].work for key in keys)
             old = self._seconds.get(function, mean)
             new = 0.5 * (old + mean) if others else min(old, mean)
