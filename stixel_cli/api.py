@@ -21,7 +21,8 @@ from stixel_cli.config.texts import mapping_texts, override_text, split_override
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.run import read_stored_run, record_run
+from stixel_cli.experiment.run import record_run
+from stixel_cli.experiment.stored import read_stored_run
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.folder import check_results
 from stixel_cli.results.result import SWEEP_FILE, RunResult
@@ -216,7 +217,7 @@ def load(folder: Path | str) -> "RunResult | Runs":
     if (Path(folder) / SWEEP_FILE).exists():
         from stixel_cli.sweeps.folder import read_sweep
 
-        return read_sweep(Path(folder))[0].table
+        return read_sweep(Path(folder)).table
     return with_arrays(read_stored_run(Path(folder)))
 
 

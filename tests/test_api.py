@@ -231,7 +231,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli import run, sweep
-from stixel_cli.config.texts import function_name
+from stixel_cli.engine.loaded_code import function_name
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.tracking.track import Track
 

@@ -46,7 +46,7 @@ COMPOSES = {
     "machine/kernels.py": "constants",
     "benchmark/run.py": "constants",
     "experiment/class_shapes.py": "constants, and words of a command line",
-    "experiment/run.py": "executor and cache as typed",
+    "experiment/stored.py": "executor and cache as typed",
     "studies/wrong_poses.py": "constants",
 }
 """Modules that compose texts as if they were typed, and what the texts are."""

@@ -38,9 +38,10 @@ def describe(
       stixel describe --schema schema
     """
     from stixel_cli.border import write_below, written
-    from stixel_cli.config.keys import known_keys, schema_files
+    from stixel_cli.config.keys import known_keys
     from stixel_cli.config.messages import unknown_key
     from stixel_cli.evaluation.metric_table import METRICS
+    from stixel_cli.export.json_schemas import schema_files
 
     group, option = split_override(name or "")
     group = group.replace(".", "/") if group.replace(".", "/") in folders.group_options() else group
@@ -97,7 +98,7 @@ def _print_group(group: str) -> None:
 def _print_option(group: str, option: str) -> None:
     from stixel_cli.config.keys import meaning_of_option
     from stixel_cli.config.messages import unknown_option
-    from stixel_cli.config.overrides import parameters_of_own, user_function
+    from stixel_cli.config.own_options import parameters_of_own, user_function
 
     if user_function(group, option):
         columns = (f"key of {group}={option}", "default", "range", "meaning")

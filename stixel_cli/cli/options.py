@@ -102,14 +102,14 @@ def _keys(typed: str, words: list[str]) -> list[str]:
     line = map(split_override, "".join(f" {word}" for word in words).replace(" = ", "=").split())
     options = folders.group_options()
     chosen = {group: option for group, option in line if option in options.get(group, ())}
-    choice = compose_options(tuple(sorted(chosen.items())), folders.conf_state())
-    values = dict(folders.flat(choice.plain))
+    plain, _ = compose_options(tuple(sorted(chosen.items())), folders.conf_state())
+    values = dict(folders.flat(plain))
     matches = [key for key in values if key.startswith(typed) and not key.endswith(".kind")]
     if len(matches) != 1:
         return [f"{key}=" for key in matches]
-    plain = values[matches[0]]
-    of_another = isinstance(plain, list) or "$" in str(plain)
-    return [f"{matches[0]}="] + ([] if of_another else [override_text(matches[0], plain)])
+    value = values[matches[0]]
+    of_another = isinstance(value, list) or "$" in str(value)
+    return [f"{matches[0]}="] + ([] if of_another else [override_text(matches[0], value)])
 
 
 def option(kind: Any, help: str, metavar: str | None = None, *names: str, **more: Any) -> Any:

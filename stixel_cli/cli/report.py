@@ -98,7 +98,7 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
         raise UserError(f"--output: the folder {output.parent} does not exist")
     from stixel_cli.border import write_new
     from stixel_cli.engine.progress import Progress
-    from stixel_cli.experiment.run import folders_page
+    from stixel_cli.experiment.stored import folders_page
     from stixel_cli.results.folder import PAGE, default_page, run_labels
     from stixel_cli.results.result import SWEEP_FILE
     from stixel_cli.sweeps.folder import PLAYER, SweepFolder, asked_folders, sweep_page
@@ -246,13 +246,13 @@ def _show_sweep(folder: Path, json: bool) -> None:
     """Print the request of a sweep, the status of its runs, its answer, and its runs."""
     from stixel_cli.sweeps.folder import SweepFolder
 
-    result, request = SweepFolder(folder).result()
+    result = SweepFolder(folder).result()
     if json:
-        print_json({"folder": str(folder), "notes": dict(request.notes), "runs": result.rows})
+        print_json({"folder": str(folder), "notes": result.request.notes, "runs": result.rows})
         return
     statuses = Counter(run.status for run in result.runs)
     about = [("runs", ", ".join(f"{count} {status}" for status, count in statuses.items()))]
-    about += [(n, str(request.notes[n])) for n in ("command", "created") if n in request.notes]
+    about += [(n, str(v)) for n, v in result.request.notes.items() if n in ("command", "created")]
     print_table(("sweep", str(folder)), about)
     say("")
     if result.count("done"):

@@ -14,9 +14,8 @@ from stixel_cli.errors import Interrupted
 
 if TYPE_CHECKING:
     from stixel_cli.evaluation.scores import Scores
-    from stixel_cli.experiment.verify import Verification
+    from stixel_cli.experiment.stored import Verification
     from stixel_cli.results.result import RunResult
-    from stixel_cli.scene.scenario import Scenario
 
 
 _STYLES = {"good": "bold green", "fair": "bold yellow", "uncertainty": ""}
@@ -104,7 +103,7 @@ def print_run(made: "RunResult", json: bool, verbose: bool) -> None:
     sys.stdout.flush()
 
 
-def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
+def print_scores(verbose: bool, scores: "Scores") -> None:
     """Print the scores of a run at once, before its pictures are drawn.
 
     That is the verdict and a table: of the main metrics, or of all if `verbose`.
@@ -130,7 +129,7 @@ def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResul
     Each of the user's modules that differs from its copy in the folder is named on stderr.
     UserError if the folder cannot be read, or names user-defined code that is not trusted.
     """
-    from stixel_cli.experiment.run import read_stored_run, trust_stored_run
+    from stixel_cli.experiment.stored import read_stored_run, trust_stored_run
     from stixel_cli.results.lineage import CODE_FOLDER
 
     stored = read_stored_run(folder, tuple(options.with_workers((), workers)))
@@ -159,7 +158,7 @@ def verify(
     from stixel_cli.border import written
     from stixel_cli.engine.progress import Progress
     from stixel_cli.engine.store import Store, open_store
-    from stixel_cli.experiment.verify import verify_run
+    from stixel_cli.experiment.stored import verify_run
     from stixel_cli.results.lineage import provenance
 
     stored = stored_run(folder, workers, trust_code)

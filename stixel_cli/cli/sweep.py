@@ -328,7 +328,7 @@ def _asked(
 ) -> "tuple[SweepPlan, Sequence[Lineage | None]]":
     """The plan of the nodes to explain; the lineages of the runs in the folder to compare with."""
     from stixel_cli.config.compose import Composer
-    from stixel_cli.experiment.run import has_pictures, read_stored_run
+    from stixel_cli.experiment.stored import has_pictures, read_stored_run
     from stixel_cli.results.lineage import read_lineage
     from stixel_cli.results.result import SWEEP_FILE
     from stixel_cli.sweeps.design import design_runs, sweep_design

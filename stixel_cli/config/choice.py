@@ -7,7 +7,6 @@ Hydra's: `inner_options` and `sources`, see `conf/experiment/thesis.yaml`.
 import re
 from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -34,23 +33,19 @@ _TO_RESOLVE = re.compile(r"\$\{|\?\?\?")
 _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
 
 
-@dataclass(frozen=True)
-class Choice:
-    """The configuration of chosen options, before values are set; not to be changed."""
-
-    plain: dict[str, Any]
-    """In plain types with interpolations as text."""
-    options: dict[str, str]
-    """The option of each group."""
+Resolved = tuple[dict[str, Any], dict[str, str]]
+"""A configuration in plain types, and the option of each group."""
 
 
 @lru_cache(maxsize=1024)
-def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
-    """The choice of groups and options, with all other groups at their default.
+def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Resolved:
+    """The configuration of `chosen` groups and options, with all others at their default.
+
+    Interpolations are still texts. It is not to be changed: calls share it.
 
     A group that stands alone has the content of its option's file. Hydra composes the others. That
     takes 0.1 s and more, so it is stored in the cache folder, under a digest of the options, of the
-    files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
+    files of `conf/` (`state`, see `conf_state`) and of Hydra's version.
     ConfigurationError in one line, if Hydra cannot compose the options.
     """
     experiment = dict(chosen).get(folders.EXPERIMENT, folders.default_option(folders.EXPERIMENT))
@@ -58,33 +53,30 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     together = {*TOGETHER, *map(folders.outermost_group, values)}
     alone = {g: option for g, option in chosen if folders.outermost_group(g) not in together}
     if alone and folders.PRESETS.folder is None:
-        others = compose_options(tuple(one for one in chosen if one[0] not in alone), state)
+        plain, options = compose_options(tuple(o for o in chosen if o[0] not in alone), state)
         sections = {group: folders.option_content(group, option) for group, option in alone.items()}
-        return Choice(others.plain | sections, others.options | alone)
+        return plain | sections, options | alone
     versions = [installed_version(name) for name in ("hydra-core", "omegaconf")]
-    key = digest([chosen, state, versions, list(Choice.__annotations__)])
-    cache, file = default_cache_folder(), f"{key}.json"
-    if known := stored_json(cache, FOLDER, file):
-        choice = Choice(**known)
-    else:
-        choice = _by_hydra([override_text(group, option) for group, option in chosen], state)
-        # Without a cache folder it is not stored: `verify`, for example, needs none.
-        with suppress(OSError, CacheError):
-            if cache.is_dir():
-                store_json(cache, FOLDER, file, asdict(choice))
-    if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
-        return choice
+    cache, file = default_cache_folder(), f"{digest([chosen, state, versions])}.json"
+    known = stored_json(cache, FOLDER, file)
+    plain, options = known or _by_hydra([override_text(g, option) for g, option in chosen], state)
+    # Without a cache folder it is not stored: `verify`, for example, needs none.
+    with suppress(OSError, CacheError):
+        if known is None and cache.is_dir():
+            store_json(cache, FOLDER, file, [plain, options])
+    if options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
+        return plain, options
     # Inner groups that the chosen options lack are left out.
-    inner = choice.plain.get(INNER) or {}
+    inner = plain.get(INNER) or {}
     if not isinstance(inner, Mapping):
         raise ConfigurationError(f"{folders.EXPERIMENT}: {INNER}: must be GROUP: OPTION pairs")
-    missing = [(g, o) for g, o in inner.items() if g in choice.options and g not in dict(chosen)]
+    missing = [(g, o) for g, o in inner.items() if g in options and g not in dict(chosen)]
     if missing:
         return compose_options((*chosen, *missing), state)
-    plain = {name: value for name, value in choice.plain.items() if name not in (INNER, SOURCES)}
+    plain = {name: value for name, value in plain.items() if name not in (INNER, SOURCES)}
     kinds = chosen_kinds(plain)
     lacking = [n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)]
-    return Choice(_without(lacking, plain), choice.options)
+    return _without(lacking, plain), options
 
 
 def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "") -> Any:
@@ -109,7 +101,7 @@ def set_by_experiment(option: str) -> dict[str, Any]:
     }
 
 
-def _by_hydra(chosen: list[str], state: str) -> Choice:
+def _by_hydra(chosen: list[str], state: str) -> Resolved:
     """`config.yaml` with the chosen options, by Hydra; its own settings are left out."""
     from hydra._internal.defaults_list import create_defaults_list
     from hydra.errors import HydraException
@@ -125,11 +117,9 @@ def _by_hydra(chosen: list[str], state: str) -> Choice:
             files, "config", parsed, prepend_hydra=False, skip_missing=False
         )
         composed = loader._compose_config_from_defaults_list(listed.defaults, files)
-        options = listed.overrides.known_choices
-        return Choice(
-            OmegaConf.to_container(composed, resolve=False),
-            {group: options[group] for group in folders.group_options() if group in options},
-        )
+        known = listed.overrides.known_choices
+        options = {group: known[group] for group in folders.group_options() if group in known}
+        return OmegaConf.to_container(composed, resolve=False), options
     except (HydraException, OmegaConfBaseException) as fault:
         raise ConfigurationError(_not_composed(fault)) from None
     except Exception as fault:

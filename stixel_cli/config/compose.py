@@ -6,21 +6,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import TYPED
-from stixel_cli.config import folders, messages
-from stixel_cli.config.choice import compose_options, with_values
-from stixel_cli.config.overrides import (
-    GIVEN,
-    Override,
-    admit_code,
-    check_parameters,
-    find_folders,
-    functions_of,
-    is_own,
-    nested,
-    read_overrides,
-    settings_of_run,
-    user_sections,
-)
+from stixel_cli.config import folders, messages, own_options
+from stixel_cli.config.choice import Resolved, compose_options, with_values
+from stixel_cli.config.overrides import Override, read_overrides, settings_of_run
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError, UserError
@@ -32,9 +20,6 @@ from stixel_cli.scene.parameters import ReplayedPath
 if TYPE_CHECKING:
     from stixel_cli.recordings.types import Recording
 
-
-Resolved = tuple[dict[str, Any], dict[str, str]]
-"""A configuration in plain types, and the option of each group."""
 
 _FILES = {
     "road_user": ("mesh",),
@@ -138,6 +123,14 @@ class Composition:
         parked = isinstance(configuration.ego, Parked)
         return replace(recording, pose_files=()) if parked else recording
 
+    @property
+    def scan_count(self) -> int:
+        """Number K of scans: of the file, or duration / sample time, rounded, and at least one."""
+        measurement, path = self.configuration.measurement, self.configuration.path
+        if isinstance(measurement, FileParameters):
+            return len(self.files.open(measurement))
+        return max(1, round(path.duration / path.sample_time))
+
     def value(self, name: str) -> Any:
         """The chosen option of a group, or the value of a key in its own type; else KeyError."""
         if name in self.choices:
@@ -178,7 +171,7 @@ class Composer:
     def compose(self, overrides: Sequence[Override]) -> Composition:
         """The same as the function `compose`."""
         parsed, settings = settings_of_run(overrides)
-        user_defined = user_sections(settings)
+        user_defined = own_options.user_sections(settings)
         shipped = {
             k: v for k, v in settings.items() if folders.outermost_group(k) not in user_defined
         }
@@ -187,20 +180,20 @@ class Composer:
         resolved, choices = self._with_recording(shipped)
         resolved |= user_defined
         choices |= {group: str(settings[group]) for group in user_defined}
-        admit_code(resolved, parsed, folders.PRESETS.origin)
+        own_options.admit_code(resolved, parsed, folders.PRESETS.origin)
         metrics = resolved["metrics"]
         # The validation of the whole configuration reports another type.
         if isinstance(metrics, list) and not all(":" in str(name) for name in metrics):
             installed = folders.installed_functions("metrics")
             resolved["metrics"] = [installed.get(str(name), name) for name in metrics]
-        resolved["code_folders"] = find_folders(resolved, self.working_directory)
+        resolved["code_folders"] = own_options.find_folders(resolved, self.working_directory)
         for group in _FILES:
             resolved[group] = with_full_names(group, resolved[group], self.working_directory)
-        configuration = _validate(resolved, settings)
-        if self._imports and functions_of(resolved):
-            own = repr([resolved[n] for n in (*GIVEN, "metrics", "code_folders")])
+        configuration = from_resolved(resolved, settings)
+        if self._imports and own_options.functions_of(resolved):
+            own = repr([resolved[n] for n in (*own_options.GIVEN, "metrics", "code_folders")])
             if own not in self._checked:
-                self._checked[own] = check_parameters(configuration)
+                self._checked[own] = own_options.check_parameters(configuration)
             for group, values in self._checked[own].items():
                 resolved[group] = resolved[group] | values
                 code = replace(getattr(configuration, group), parameters=values)
@@ -219,10 +212,10 @@ class Composer:
             name: value for name, value in settings.items() if name in folders.group_options()
         }
         values = {name: value for name, value in settings.items() if name not in options}
-        choice = compose_options(tuple(sorted(options.items())), self._state)
-        resolved = with_values(choice.plain, values)
+        plain, choices = compose_options(tuple(sorted(options.items())), self._state)
+        resolved = with_values(plain, values)
         resolved.pop(folders.PACE)
-        return resolved, dict(choice.options)
+        return resolved, dict(choices)
 
     def _with_recording(self, typed: Mapping[str, Any]) -> Resolved:
         """The same, completed by the recording, if there is one."""
@@ -240,7 +233,7 @@ def with_full_names(
     group: str, section: Mapping[str, Any], working_directory: str = ""
 ) -> Mapping[str, Any]:
     """A resolved section in which the names of the user's files are absolute."""
-    if is_own(section):
+    if own_options.is_own(section):
         return section
     words = {"road_user": not str(section.get("road_user")).endswith(".json")}
     words["calibration"] = section.get("calibration") in CALIBRATIONS
@@ -253,15 +246,15 @@ def with_full_names(
     return {**section, **full} if full else section
 
 
-def from_resolved(resolved: Mapping[str, Any]) -> Configuration:
-    """Validate the content of a stored `config.yaml`; ConfigurationError if it cannot be run."""
+def from_resolved(resolved: Mapping[str, Any], typed: Iterable[str] = ()) -> Configuration:
+    """Validate the content of a `config.yaml`; ConfigurationError if it cannot be run.
+
+    Of several faults it reports one of the keys `typed`, if there is one.
+    """
     if not isinstance(resolved, Mapping):
         raise ConfigurationError(f"{messages.show(resolved)}: is not a configuration")
-    return _validate(dict(resolved), ())
-
-
-def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
-    for group in GIVEN:
-        if is_own(plain.get(group)):
-            plain = plain | {group: nested(group, plain[group])}
+    plain = dict(resolved)
+    for group in own_options.GIVEN:
+        if own_options.is_own(plain.get(group)):
+            plain[group] = own_options.nested(group, plain[group])
     return messages.read_settings(Configuration, plain, typed)

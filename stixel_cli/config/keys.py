@@ -1,15 +1,13 @@
-"""The keys, groups and options: meaning, unit, range, values, and JSON Schemas for editors.
+"""The keys, groups and options: meaning, unit, range and values.
 
 A text is that of the schema's docstrings, a range that of its annotations, and a value that of
-`conf/`: each is written in one place. By the JSON Schemas a file of `conf/` or `pipelines/` may
-leave out keys, because others complete it, and may give an interpolation, `${KEY}`, for any value.
+`conf/`: each is written in one place.
 """
 
 import dataclasses
 import inspect
-import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import takewhile
@@ -33,7 +31,6 @@ from stixel_cli.config.folders import (
     option_file,
     option_values,
     options_of_kind,
-    shipped_folder,
     values_beside_groups,
 )
 from stixel_cli.config.schema import Configuration
@@ -160,7 +157,7 @@ def _walk(
             yield Key(prefix + name, annotation, owners, schema)
 
 
-def _classes_of(group: str) -> list[type]:
+def classes_of(group: str) -> list[type]:
     """The classes of the parameters of a group's variants; [] for a group without a schema."""
     classes = [Configuration]
     for part in group.split("/"):
@@ -236,7 +233,7 @@ def meaning_of_option(group: str, option: str) -> str:
     text = " ".join(comment)
     if not comment:
         kind = option_values(group, option).get("kind")
-        schemas = [one for one in _classes_of(group) if kind in (kinds_of(one) or [kind])]
+        schemas = [one for one in classes_of(group) if kind in (kinds_of(one) or [kind])]
         text = inspect.getdoc(schemas[0]).splitlines()[0] if schemas else ""
     return re.split(r"\.(?= [A-Z]|$)", text)[0].strip()
 
@@ -244,96 +241,3 @@ def meaning_of_option(group: str, option: str) -> str:
 def settings_of_top() -> list[Key]:
     """The keys that are in no group, such as the seed."""
     return [key for name, (key, *_) in known_keys().items() if "." not in name]
-
-
-WRITTEN = ("pipeline", "recorded", "sequences", "study", "sweep")
-"""Schemas that are written by hand, in `conf/schema`."""
-
-_INTERPOLATION = {"type": "string", "pattern": r"\$\{.+\}"}
-_WORDS = {"type": "object", "additionalProperties": {"type": "string"}}
-_DEFAULTS = {"defaults": {"type": "array", "items": {"type": ["string", "object"]}}}
-
-
-def schema_files() -> dict[str, str]:
-    """Name of a file to its content: `GROUP.json`, `experiment.json`, `settings.json`, `WRITTEN`.
-
-    The name of an inner group has a hyphen, `measurement-noise.json`. `settings.json` has the keys
-    with dots of a command line; those that are `WRITTEN` refer to it.
-    """
-    whole = _section([Configuration])
-    found: dict[str, Any] = {group: _group_schema(group) for group in group_options()}
-    found[PACE] = {"type": "object"}  # Options of paths refer to its values: they are in no class.
-    parts = _DEFAULTS | {"inner_options": _WORDS, "sources": _WORDS}
-    found[EXPERIMENT] = _object(whole["properties"] | parts)
-    values = {name: _any_of(map(_key_schema, variants)) for name, variants in known_keys().items()}
-    found["settings"] = {"$defs": _settings(values)}
-    folder = shipped_folder("conf") / "schema"
-    return {f"{name}.json": read_text(folder / f"{name}.json") for name in WRITTEN} | {
-        f"{name.replace('/', '-')}.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
-        for name, schema in found.items()
-    }
-
-
-def _group_schema(group: str) -> dict[str, Any]:
-    """A schema of each variant of a group. What a run must give of a recording is null in `conf/`.
-
-    An option may leave out its kind, if it derives from another by `defaults`.
-    """
-    variants = [_section([one])["properties"] | _DEFAULTS for one in _classes_of(group)]
-    null = [{"type": "null"}] if group in ("source", "path") else []
-    return _any_of(_object({k: _any_of([v, *null]) for k, v in one.items()}) for one in variants)
-
-
-def _settings(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The definition of each key and group, of `settings` with any of them, and of `axes`."""
-    text = {"type": "string"}
-    # Installed and own functions, and own presets, are options, too.
-    groups = {name: _any_of([{"enum": [*one]}, text]) for name, one in group_options().items()}
-    values = {**values, **groups}
-    refer = {key: {"$ref": f"#/$defs/{key.replace('/', '-')}"} for key in values}
-    axes = {key: _any_of([{"type": "array", "items": one}, text]) for key, one in refer.items()}
-    named = {key.replace("/", "-"): one for key, one in values.items()}
-    # A user's own tracker or source of measurements has keys of its own.
-    own = {"patternProperties": {r"^(measurement|tracker)\.\w+$": {}}}
-    return {"settings": _object(refer) | own, "axes": _object(axes) | own, **named}
-
-
-def _section(variants: Iterable[type]) -> dict[str, Any]:
-    """The object of the keys of all variants."""
-    values: dict[str, list[Any]] = {}
-    for variant in variants:
-        for name, annotation in fields_of(variant).items():
-            inner, key = classes_in(annotation), Key(name, annotation, (), variant)
-            text = {"description": key.meaning} if inner and key.meaning else {}
-            schema = _section(inner) | text if inner else _key_schema(key)
-            values.setdefault(name, []).append(schema)
-    return _object({name: _any_of(options) for name, options in values.items()})
-
-
-def _key_schema(key: Key) -> dict[str, Any]:
-    from pydantic import TypeAdapter
-
-    text = {"description": f"{key.meaning}: {key.range}"} if key.meaning else {}
-    return _value(TypeAdapter(key.annotation).json_schema()) | text
-
-
-def _value(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """A schema that also accepts an interpolation, for the whole value and for its elements."""
-    inner = {
-        "items": lambda one: _value(one) if isinstance(one, dict) else one,
-        "prefixItems": lambda options: [*map(_value, options)],
-    }
-    schema = {name: inner.get(name, lambda same: same)(one) for name, one in schema.items()}
-    options = [_value(one) for one in schema.get("anyOf", ())] or [schema]
-    return _any_of([*options, _INTERPOLATION])
-
-
-def _object(properties: Mapping[str, Any]) -> dict[str, Any]:
-    return {"type": "object", "properties": dict(properties), "additionalProperties": False}
-
-
-def _any_of(options: Iterable[Any]) -> dict[str, Any]:
-    """A schema of any of the options; equal ones once."""
-    flat = [one for o in options for one in (o["anyOf"] if [*o] == ["anyOf"] else [o])]
-    different = list({json.dumps(one): one for one in flat}.values())
-    return different[0] if len(different) == 1 else {"anyOf": different}

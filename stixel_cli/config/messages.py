@@ -87,6 +87,8 @@ def unknown_option(group: str, option: str) -> str:
         return f"{group}: {option} is gone: use {_REPLACED[group, option]}"
     options = group_options()[group]
     hint = suggestion(option, options, f"{group}={{}}".format)
+    if group == "tracker" and option.isidentifier() and Path(f"{option}.py").is_file():
+        hint = f"; did you mean tracker={option}:track?"
     text = f"{group}: unknown option {show(option)}{hint} (options: {', '.join(options)})"
     return text + (f"; for your own, give {_OWN[group]}" if group in _OWN else "")
 

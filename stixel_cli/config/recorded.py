@@ -13,8 +13,8 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from stixel_cli.config import folders, messages
-from stixel_cli.config.choice import set_by_experiment
-from stixel_cli.config.compose import Composer, Resolved, with_full_names
+from stixel_cli.config.choice import Resolved, set_by_experiment
+from stixel_cli.config.compose import Composer, with_full_names
 from stixel_cli.config.folders import real_image_parameters
 from stixel_cli.errors import ConfigurationError, located
 from stixel_cli.geometry.rig import Rig

@@ -33,13 +33,7 @@ from stixel_cli.results.pictures import PicturesParameters
 from stixel_cli.scene.ego import Ego
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES, Path, RoadUser, World
 from stixel_cli.stereo.matching import StereoParameters
-from stixel_cli.stixels.parameters import (
-    ExtractionParameters,
-    FreeSpaceParameters,
-    HeightParameters,
-    OccupancyParameters,
-    RoadParameters,
-)
+from stixel_cli.stixels import parameters as stixels
 from stixel_cli.tracking.baselines.box import BoxParameters
 from stixel_cli.tracking.baselines.gm_mem_ekf import GmMemEkfParameters
 from stixel_cli.tracking.baselines.lidar_random_matrix import LidarRandomMatrixParameters
@@ -119,11 +113,11 @@ class Configuration:
     renderer: Annotated[Renderer, _BY_KIND]
     sensor: Sensor
     stereo: Annotated[StereoParameters, _BY_KIND]
-    road: Annotated[RoadParameters, _BY_KIND]
-    occupancy: OccupancyParameters
-    free_space: FreeSpaceParameters
-    height: HeightParameters
-    extraction: ExtractionParameters
+    road: Annotated[stixels.RoadParameters, _BY_KIND]
+    occupancy: stixels.OccupancyParameters
+    free_space: stixels.FreeSpaceParameters
+    height: stixels.HeightParameters
+    extraction: stixels.ExtractionParameters
     measurement: Annotated[MeasurementParameters | OwnMeasurement, _BY_KIND]
     start: Annotated[Start, _BY_KIND]
     tracker: Annotated[Tracker | OwnCode, _BY_KIND]

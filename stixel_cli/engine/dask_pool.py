@@ -161,12 +161,6 @@ def _run(call: bytes) -> None:
     worker.log_event(PROGRAM, (worker.get_current_task(), outcome))
 
 
-def probe_scheduler(executor: DaskExecutor) -> None:
-    """Raise ExecutorError, in one line, unless Dask is installed and the scheduler answers."""
-    with _silence(), _client(executor):
-        pass
-
-
 @contextmanager
 def _client(executor: DaskExecutor) -> Iterator["Client"]:
     """A client of the scheduler at the executor's address."""

@@ -35,7 +35,8 @@ def unwritable(folder: Path, error: OSError) -> CacheError:
             f"the file system of the cache {folder} does not support locks (flock): mount it with "
             "locks, or choose another folder"
         )
-    return CacheError(f"cannot write in the cache {folder}: {error.strerror or error}")
+    reason, choose = error.strerror or error, "choose another (cache.folder or STIXEL_CACHE)"
+    return CacheError(f"cannot write in the cache {folder}: {reason}: {choose}")
 
 
 class InvalidCode(UserError, LookupError):

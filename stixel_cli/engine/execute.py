@@ -12,7 +12,7 @@ from stixel_cli.engine.keys import digest
 from stixel_cli.engine.limits import can_interrupt
 from stixel_cli.engine.loaded_code import check_bytecode, import_function, may_run_here
 from stixel_cli.engine.parameters import DaskExecutor, Executor, LocalExecutor, ThreadsExecutor
-from stixel_cli.engine.plan import Durations, check_writable, plan, undeclared_reads
+from stixel_cli.engine.plan import Durations, plan, undeclared_reads
 from stixel_cli.engine.pools import Pool, ProcessPool, SerialPool, ThreadPool, fork_is_safe
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.scheduler import STATUSES, Scheduler, Status
@@ -130,7 +130,7 @@ def execute(
             # Nothing runs any more, or its result is not wanted.
             pool.close()
             progress.close()
-            durations.learn(graph, scheduler.seconds)
+            durations.learn(graph, scheduler.seconds, progress.workers)
         scheduler.keep_limit()
     return Execution(graph, scheduler.statuses(), scheduler.seconds, scheduler.failures, store)
 
@@ -139,7 +139,8 @@ def _prepare(nodes: Sequence[Node], store: Store, progress: Progress) -> None:
     """Check that Python can store results, and runs the sources that nodes reach."""
     for text in undeclared_reads(nodes) if progress.advice else ():
         progress.note(text)
-    check_writable(len(nodes), store)
+    if nodes:
+        store.check_writable()
     codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
     save_digests(store.folder)
     check_bytecode({name: file for code in codes for name, (file, _) in code.files.items()})

@@ -1,19 +1,16 @@
 """What an execution would compute, how long that would take, and whether it can start."""
 
-import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from stixel_cli.border import write_whole
+from stixel_cli.engine.cache_folder import store_json, stored_json
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.graph import Graph, Node
-from stixel_cli.engine.parameters import CACHE_VARIABLE, DaskExecutor, Executor
+from stixel_cli.engine.parameters import DaskExecutor, Executor
 from stixel_cli.engine.source_files import undeclared_read
 from stixel_cli.engine.store import Store
-from stixel_cli.errors import UserError
-from stixel_cli.files import read_bytes
 
 
 @dataclass(frozen=True)
@@ -65,22 +62,16 @@ def missing_nodes(graph: Graph, wanted: Collection[str], store: Store) -> list[s
     return sorted(found, key=lambda key: (graph.nodes[key].depth, graph.nodes[key].first or 0))
 
 
-LONGEST = 1e7
-"""Greatest limit of a node's time, s; a file with other values is damaged."""
-DURATIONS = "durations-2.json"
-"""Older versions have other units in `durations.json`."""
+DURATIONS = "durations-3.json"
+"""File of the store; older versions have other units and forms."""
 
 
 class Durations:
     """Seconds of each stage's function for one unit of work, kept in the store at `folder`."""
 
     def __init__(self, folder: Path):
-        self._path = folder / DURATIONS
-        self._seconds: dict[str, float] = {}
-        with suppress(UserError, ValueError, TypeError, AttributeError, RecursionError):
-            known = json.loads(read_bytes(self._path))
-            seconds = {name: float(one) for name, one in known.items()}
-            self._seconds = {name: one for name, one in seconds.items() if 0.0 <= one < LONGEST}
+        self._folder = folder
+        self._seconds: dict[str, float] = stored_json(folder, "", DURATIONS) or {}
 
     def estimate(self, nodes: Iterable[Node]) -> tuple[float, list[str]]:
         """Seconds for `nodes`, one after the other, and the stages that were never measured.
@@ -100,45 +91,39 @@ class Durations:
         found = {node.stage.name: self.estimate([node]) for node in nodes}
         return {name: seconds for name, (seconds, unknown) in found.items() if not unknown}
 
-    def learn(self, graph: Graph, seconds: Mapping[str, float]) -> None:
-        """Update the estimates with measured seconds, by key: half old value, half new mean."""
+    def learn(self, graph: Graph, seconds: Mapping[str, float], workers: int) -> None:
+        """Update the estimates with measured seconds, by key in the order in which they came.
+
+        The first ones of a function, one for each of the `workers`, also load and compile code. The
+        others count: half old value, half new mean. Without others, the first ones can only lower
+        the estimate.
+        """
         if not seconds:
             return
         by_function: dict[str, list[str]] = {}
         for key in seconds:
             by_function.setdefault(graph.nodes[key].stage.function, []).append(key)
-        for function, keys in by_function.items():
-            work = sum(graph.nodes[key].work for key in keys)
-            mean = sum(seconds[key] for key in keys) / work
+        for function, every in by_function.items():
+            others = every[workers:]
+            keys = others or every
+            mean = sum(seconds[key] for key in keys) / sum(graph.nodes[key].work for key in keys)
             old = self._seconds.get(function, mean)
-            self._seconds[function] = float(f"{0.5 * (old + mean):.4g}")
+            new = 0.5 * (old + mean) if others else min(old, mean)
+            self._seconds[function] = float(f"{new:.4g}")
         # Only an estimate: it may fail to be written, or be overwritten by another process.
-        with suppress(OSError):
-            write_whole(self._path, json.dumps(self._seconds, indent=1, sort_keys=True))
+        with suppress(OSError, CacheError):
+            store_json(self._folder, "", DURATIONS, self._seconds)
 
 
 def probe(missing: int, store: Store, executor: Executor | None) -> None:
     """Raise what `execute` would raise before it computes `missing` nodes.
 
     Without missing nodes neither a writable store nor workers are needed. CacheError if results
-    cannot be stored, ExecutorError as `probe_scheduler` does.
+    cannot be stored, ExecutorError as of `DaskPool`.
     """
-    check_writable(missing, store)
-    if missing and isinstance(executor, DaskExecutor):
-        from stixel_cli.engine.dask_pool import probe_scheduler
-
-        probe_scheduler(executor)
-
-
-def check_writable(missing: int, store: Store) -> None:
-    """Raise CacheError if results are missing and the store cannot be written."""
-    if not missing:
-        return
-    try:
+    if missing:
         store.check_writable()
-    except CacheError as error:
-        results = "1 of the results" if missing == 1 else f"{missing} of the results"
-        raise CacheError(
-            f"{error}; it lacks {results} needed (set another folder with "
-            f"{CACHE_VARIABLE} or cache.folder=…)"
-        ) from error
+    if missing and isinstance(executor, DaskExecutor):
+        from stixel_cli.engine.dask_pool import DaskPool
+
+        DaskPool(executor).close()

@@ -138,7 +138,7 @@ class Progress:
     def finished(self, node: Node, seconds: float) -> None:
         """Count a node as done: its result is in the store.
 
-        The first ones of a stage, one for each worker, also compile: estimates leave them out.
+        Estimates leave out the first ones of a stage, one for each worker, as `Durations.learn`.
         """
         name = node.stage.name
         self.running.pop(node.key, None)

@@ -1,17 +1,22 @@
-"""Versions of Python and of the installed distributions that a stage's code imports."""
+"""What provides a module: an installed distribution, with its version, or a folder of the user."""
 
 import inspect
 import json
 import re
 import socket
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
+from importlib.machinery import PathFinder
 from importlib.metadata import Distribution, PackageNotFoundError, distributions
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from stixel_cli.engine.errors import CodeChanged
+from stixel_cli.errors import ConfigurationError, located, printable
+from stixel_cli.own_code import check_name
 
 
 def python_version() -> str:
@@ -82,6 +87,47 @@ def _top_levels(distribution: Distribution) -> set[str]:
     heads = set(re.findall(r'^"?([^,"/\n]+/?)', record, re.MULTILINE))
     names = {head[:-1] if head[-1:] == "/" else inspect.getmodulename(head) for head in heads}
     return {name for name in names if name and "." not in name}
+
+
+def folder_of(key: str, function: str, places: Sequence[str]) -> str | None:
+    """The folder of a function's module, one of `places` first; None if a distribution provides it.
+
+    Nothing is imported. ConfigurationError, which begins with the `key` that names the function, if
+    the module is missing, or has the name of another one.
+    """
+    with located(key, ConfigurationError):
+        check_name(function)
+    module = function.partition(":")[0]
+    top = module.partition(".")[0]
+    if top == __name__.partition(".")[0]:
+        return None  # Of this program, also in its own checkout.
+    local = next((place for place in places if _exists(place, top)), None)
+    # Not as `find_spec`, which may answer with a module of the same name that is imported.
+    spec = PathFinder.find_spec(top, [p for p in sys.path if p not in places])
+    if spec is None and top in providers():
+        with suppress(ImportError, ValueError):  # an editable install has its own finder
+            spec = find_spec(top)
+    where = None
+    if spec is not None:
+        first = next(iter(spec.submodule_search_locations or ()), spec.origin or "")
+        where = str(Path(first).parent)
+    taken = top in sys.stdlib_module_names or (top in providers() and where not in (None, local))
+    if local is not None and taken:
+        name = f"{local} has a module {top}, but this is the name of an installed one"
+        raise ConfigurationError(f"{key}: {name}: rename the file")
+    if local is None and where is None:
+        missing = f"no module {printable(top)} found in {places[-1]}"
+        raise ConfigurationError(f"{key}: {missing}, and no installed package has it")
+    if local is None and top not in providers():
+        local = where
+    if local is not None and not _exists(local, module):
+        raise ConfigurationError(f"{key}: no module {printable(module)} found in {local}")
+    return local
+
+
+def _exists(folder: str, module: str) -> bool:
+    path = Path(folder, *module.split("."))
+    return path.is_dir() or path.with_name(f"{path.name}.py").is_file()
 
 
 def check_versions(notes: Mapping[str, Any]) -> None:

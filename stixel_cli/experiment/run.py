@@ -1,34 +1,25 @@
-"""One experiment from its configuration to its result folder, and back; stored runs on one page."""
+"""One experiment from its configuration to its result folder."""
 
 import shlex
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from stixel_cli.border import Origin
-from stixel_cli.config.compose import Composition, compose, from_resolved
-from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS
-from stixel_cli.config.overrides import admit_code, check_parameters, functions_of
-from stixel_cli.config.schema import Configuration
+from stixel_cli.config.compose import Composition
+from stixel_cli.config.folders import PRESETS
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
-from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run_names import differences, joined_name
-from stixel_cli.experiment.stages import RESULTS, compared_rows, computed_stages, experiment_graph
+from stixel_cli.experiment.stages import RESULTS, compared_rows, computed_stages
 from stixel_cli.experiment.table import PICTURES
 from stixel_cli.report.playback import playback_html
-from stixel_cli.results.folder import check_results, new_folder, origin_of, write_folder
-from stixel_cli.results.lineage import differing_settings, lineage_of, provenance, read_lineage
-from stixel_cli.results.result import RunResult, listed, read_run
-from stixel_cli.scene.scenario import Scenario
+from stixel_cli.results.folder import check_results, new_folder, write_folder
+from stixel_cli.results.lineage import lineage_of, provenance
+from stixel_cli.results.result import RunResult
 from stixel_cli.tracking.file import FileTrackParameters, track_doubts
-from stixel_cli.version import __version__
 
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
@@ -42,7 +33,7 @@ def run_experiment(
     progress: Progress | None = None,
     pictures: bool = True,
     camera: bool | None = None,
-    on_scores: Callable[[Scenario, Scores], None] | None = None,
+    on_scores: Callable[[Scores], None] | None = None,
     store: Store | None = None,
 ) -> RunResult:
     """Compute the missing nodes of an experiment and load its result.
@@ -55,9 +46,6 @@ def run_experiment(
     wanted += [CAMERA] if (pictures if camera is None else camera) else []
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
         results = {name: next(iter(load(name)), None) for name in (*RESULTS, "calibration")}
-        if progress is not None and progress.advice:
-            for doubt in filter(None, _doubts(composition.configuration, results)):
-                progress.note(doubt)
         drawn = [one.files for name in PICTURES for one in load(name)]
         objects = tuple(load(OBJECTS))
         return RunResult(
@@ -76,18 +64,17 @@ def run_experiment(
         )
 
 
-def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str | None]:
-    """What is probably wrong with the user's files, one line each; `results` are of `RESULTS`."""
-    scenario, tracker = results["scenario"], configuration.tracker
-    measurement, user = configuration.measurement, configuration.road_user
+def _doubts(run: RunResult) -> Iterator[str | None]:
+    """What is probably wrong with the user's files, one line each."""
+    configuration, truth = run.configuration, run.scenario.target_poses_world
+    tracker, user = configuration.tracker, configuration.road_user
     if isinstance(tracker, FileTrackParameters):
-        scans, track = results["scans"], results["track"]
-        yield from track_doubts(tracker, scans, track, scenario.target_poses_world)
-    if measurement.kind == "file":
+        yield from track_doubts(tracker, run.scans, run.track, truth)
+    if configuration.measurement.kind == "file":
         # Shapely is imported for it.
         from stixel_cli.measurements.file_truth import heading_note
 
-        yield heading_note(scenario, measurement.angle_unit)
+        yield heading_note(run.scenario, configuration.measurement.angle_unit)
     elif user.mesh is not None and configuration.source.kind == "rendered":
         # So is trimesh.
         from stixel_cli.scene.mesh_file import mesh_doubt
@@ -100,7 +87,7 @@ def record_run(
     results: Path | None,
     name: str | None,
     progress: Progress,
-    on_scores: Callable[[Scenario, Scores], None] | None = None,
+    on_scores: Callable[[Scores], None] | None = None,
     rerun_of: Path | None = None,
 ) -> RunResult:
     """Run an experiment and write its result folder into `results`, if that is given.
@@ -115,6 +102,8 @@ def record_run(
     now = datetime.now(UTC)
     rows = compared_rows(composition, progress.note)
     run = run_experiment(composition, progress, on_scores=on_scores)
+    for doubt in filter(None, _doubts(run) if progress.advice else ()):
+        progress.note(doubt)
     if rerun_of is None:
         command = ["stixel", "run", *composition.overrides, *PRESETS.option]
         stem = joined_name(differences(composition.choices, composition.overrides))
@@ -147,110 +136,3 @@ def record_run(
 
     # Only now: a refused cache or scheduler leaves no folder behind.
     return replace(run, folder=new_folder(results, name, stem, now, write))
-
-
-def trust_stored_run(run: RunResult, trusted: bool) -> list[str]:
-    """Refuse a stored run of user-defined code, unless `trusted`, or of wrong parameters.
-
-    What this user ran here is trusted while neither the folder nor the code has changed. Returns
-    the names of `_changed_code`.
-    """
-    origin = origin_of(run.folder, trusted)
-    if not origin.source and _changed_code(run):
-        origin = Origin(str(run.folder), trusted)
-    admit_code(run.settings, (), origin)
-    if functions_of(run.settings):
-        check_parameters(run.composition.configuration)
-    return _changed_code(run)
-
-
-def _changed_code(stored: RunResult) -> list[str]:
-    """The user's modules, and files that they declare, that differ from those of a stored run."""
-    before = None if stored.lineage is None else stored.lineage.code
-    if before is None or not functions_of(stored.settings):
-        return []
-    graph = experiment_graph(stored.composition)
-    codes = [nodes[0].identity.code for name in graph.stages if (nodes := graph.of_stage(name))]
-    now = {name: digest for code in codes for name, digest in code.modules_of_user.items()}
-    return [name for name in sorted(now) if before.get(name) != now[name]]
-
-
-def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:
-    """Read the result folder `path`, with its validated experiment and its lineage.
-
-    The experiment has the executor and the cache of this machine. `overrides` may only change the
-    groups `OF_THE_MACHINE`. UserError if it is not a result folder, or its configuration is not
-    valid in this version.
-    """
-    run = read_run(path)
-    own = compose(overrides).resolved
-    resolved = {**run.settings, **{name: own[name] for name in OF_THE_MACHINE if name in own}}
-    try:
-        configuration = from_resolved(resolved)
-    except ConfigurationError as fault:
-        theirs = run.entry("versions").get("stixel")
-        other = f" (the folder was made by stixel {theirs}, this is {__version__})"
-        hint = "" if theirs in (None, __version__) else other
-        raise UserError(f"{path / 'config.yaml'}: {fault}{hint}") from None
-    composition = Composition(configuration, run.choices, run.overrides, resolved)
-    return replace(run, settings=resolved, composition=composition, lineage=read_lineage(path))
-
-
-def has_pictures(run: RunResult) -> bool:
-    """Whether the folder of a run has pictures. Runs of a sweep have them only on request."""
-    return (run.folder / "figures").is_dir()
-
-
-SCENE = ("road_user", "path", "ego")
-"""The groups that define the scene; with scans from a file, those files do."""
-
-OF_SCENE = ("times", "ego_poses_world", "target_poses_world", "contours_target", "limb_poses")
-"""What runs of one scene share of their ground truth."""
-
-
-def folders_page(
-    stored: Sequence[RunResult], labels: Sequence[str], progress: Progress
-) -> tuple[str, list[str]]:
-    """The page of stored runs of one scene, whose folders have the `labels`; notes for the user.
-
-    Results that the cache lacks are computed; the page shows the new results. Where they differ
-    from those of a folder, the page and the notes say so. UserError if the runs are not of one
-    scene; and the errors of `computed_stages`.
-    """
-    check_one_scene(stored, labels)
-    trackers = [one.choice("tracker") for one in stored]
-    distinct = len(stored) > 1 and len(set(trackers)) == len(trackers)
-    runs = []
-    for one, name in zip(stored, trackers if distinct else labels, strict=True):
-        run = run_experiment(one.composition, progress, pictures=False, camera=True)
-        runs.append(replace(run, label=name, manifest=one.manifest, folder=one.folder))
-    for label, run in zip(labels, runs, strict=True):
-        pairs = [(getattr(runs[0].scenario, n), getattr(run.scenario, n)) for n in OF_SCENE]
-        if not all(np.array_equal(*pair, equal_nan=True) for pair in pairs):
-            raise UserError(
-                f"the runs must share one scene: the paths in {labels[0]} and {label} differ, "
-                "though their settings do not"
-            )
-    notes = [
-        f"{label}: this version gives different results, which the page shows "
-        f"(stixel verify {one.folder} explains why)"
-        for label, one, run in zip(labels, stored, runs, strict=True)
-        if run.metrics != one.metrics
-    ]
-    several = f"{listed([run.label for run in runs])} on one scene"
-    title, names = (labels[0], ()) if len(runs) == 1 else (several, labels)
-    return playback_html(runs, title, notes, names), notes
-
-
-def check_one_scene(stored: Sequence[RunResult], labels: Sequence[str]) -> None:
-    """Raise UserError with the first setting that differs, unless all runs share the scene."""
-    scenes = []
-    for one in stored:
-        groups = ("measurement",) if one.settings["measurement"].get("kind") == "file" else SCENE
-        scenes.append(RunResult(settings={group: one.settings[group] for group in groups}))
-    for key, values in differing_settings(scenes).items():
-        there = next(i for i, value in enumerate(values) if value != values[0])
-        raise UserError(
-            f"the runs must share one scene: {key} is {values[0]} in {labels[0]} and "
-            f"{values[there]} in {labels[there]}"
-        )

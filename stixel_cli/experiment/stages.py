@@ -3,12 +3,14 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import real_image_parameters, shipped_folder
+from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import Execution, execute
@@ -20,14 +22,11 @@ from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.table import OWN, REPLAYED, TABLE
 from stixel_cli.files import read_yaml, remembered
-from stixel_cli.measurements.file import FileParameters
 from stixel_cli.measurements.parameters import Disturbance, undisturbed
-from stixel_cli.own_code import OwnCode
 from stixel_cli.scene.mesh_file import referred_files
-from stixel_cli.scene.parameters import ReplayedPath
-from stixel_cli.scene.scenario import Scenario
 
 if TYPE_CHECKING:
+    from stixel_cli.recordings.types import Recording
     from stixel_cli.stereo.rectification import Rows
 
 RESULTS = ("scenario", "scans", "track", "scores")
@@ -55,73 +54,56 @@ def pipeline_stages(composition: Composition) -> list[Stage]:
         # `disturb_scans` comes between the sensor's scans and all that use them.
         pipeline = {("clean_scans" if n == "scans" else n): own for n, own in pipeline.items()}
         pipeline["scans"] = {"stage": "disturb_scans", "scans": "clean_scans"}
-    return [_stage(composition, path, name, wiring or {}) for name, wiring in pipeline.items()]
-
-
-def scan_count(composition: Composition) -> int:
-    """Number K of scans: of the file, or duration / sample time, rounded, and at least one."""
-    configuration = composition.configuration
-    if isinstance(configuration.measurement, FileParameters):
-        return len(composition.files.open(configuration.measurement))
-    return max(1, round(configuration.path.duration / configuration.path.sample_time))
-
-
-def pictured_frames(composition: Composition) -> tuple[int, ...]:
-    """The frames to draw: those of the configuration, or four spread evenly over the run."""
-    chosen = composition.configuration.pictures.frames
-    last = scan_count(composition) - 1
-    if chosen and chosen[-1] > last:
-        raise UserError(f"pictures.frames: must be <= {last}, the last frame, got {chosen[-1]}")
-    if chosen is not None:
-        return chosen
-    return tuple(sorted({round(last * share / 4) for share in (0.5, 1.5, 2.5, 3.5)}))
+    setting, count = partial(_setting, configuration, recording), composition.scan_count
+    return [_stage(setting, count, path, name, wiring or {}) for name, wiring in pipeline.items()]
 
 
 _read = remembered(read_yaml)
 
 
-def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, str]) -> Stage:
-    """The stage of a node `name` of the pipeline's file at `path`."""
-    configuration, recording = composition.configuration, composition.recording
+def _stage(
+    setting: Callable[[str], Any], count: int, path: Path, name: str, wiring: dict[str, Any]
+) -> Stage:
+    """The stage of a node `name` of the pipeline's file at `path`, for `count` scans.
+
+    `setting` gives the values of settings by their dotted paths, see `_setting`.
+    """
     inputs = dict(wiring)
     if inputs and all(isinstance(value, dict) for value in inputs.values()):
-        inputs = dict(inputs[attrgetter(f"{name}.kind")(configuration)])
+        inputs = dict(inputs[setting(f"{name}.kind")])
     stage = inputs.pop("stage", name)
     if stage not in TABLE:
         raise UserError(f"{path}: {name}: no stage {stage!r}; the tables have {', '.join(TABLE)}")
     definition = TABLE[stage]
-    if stage in REPLAYED and isinstance(configuration.path, ReplayedPath):
+    if stage in REPLAYED and setting("path.kind") == "recorded":
         definition = REPLAYED[stage]
-    if stage in OWN and isinstance(configuration.tracker, OwnCode):
+    if stage in OWN and setting("tracker.kind") == "own":
         definition = OWN[stage]
-    names = [attrgetter(path)(configuration) for path in definition.code]
+    names = [setting(path) for path in definition.code]
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
-    chosen_by = definition.chosen_by
-    kind = attrgetter(f"{chosen_by}.kind")(configuration) if chosen_by else ""
-    called = _stage(composition, path, definition.calls, {}) if definition.calls else None
+    kind = setting(f"{definition.chosen_by}.kind") if definition.chosen_by else ""
+    called = _stage(setting, count, path, definition.calls, {}) if definition.calls else None
     named = [path.rpartition(".") for path in definition.files]
-    given = [getattr(attrgetter(group)(configuration), key, None) for group, _, key in named]
+    given = [getattr(setting(group), key, None) for group, _, key in named]
     files = [Path(name) for name in given if name is not None]
     # Of a stage of images, the megapixels of one.
-    rig, of_images = configuration.rig, "rig" in definition.reads.values()
+    rig, of_images = setting("rig"), "rig" in definition.reads.values()
     of_frame = 1e-6 * rig.width * rig.height if of_images else 1.0
     made = Stage(
         name=name,
-        amount=scan_count(composition) if definition.pattern == "once" else of_frame,
+        amount=count if definition.pattern == "once" else of_frame,
         function=definition.functions[kind],
         pattern=definition.pattern,
         inputs=inputs,
         # Of a recording, the calibrated rig is an input.
-        settings={
-            a: _setting(composition, p) for a, p in definition.reads.items() if a not in inputs
-        },
+        settings={n: setting(p) for n, p in definition.reads.items() if n not in inputs},
         modules=tuple(f.partition(":")[0] for f in functions),
-        folders=tuple(map(Path, configuration.code_folders)) if functions else (),
+        folders=tuple(map(Path, setting("code_folders"))) if functions else (),
         own=bool(functions),
-        seed=configuration.seed if definition.seeded else None,
-        frames=pictured_frames(composition) if definition.pattern == "pick" else (),
+        seed=setting("seed") if definition.seeded else None,
+        frames=setting("pictures").frames_of(count) if definition.pattern == "pick" else (),
         files=(
-            *(getattr(recording, definition.recorded) if definition.recorded else ()),
+            *(setting(f"recording.{definition.recorded}") if definition.recorded else ()),
             *(path for file in files for path in (file, *referred_files(file))),
         ),
         gives_files=bool(definition.recorded),
@@ -139,23 +121,20 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     )
 
 
-def _setting(composition: Composition, path: str) -> Any:
+def _setting(configuration: Configuration, recording: "Recording | None", path: str) -> Any:
     """A value of the configuration, or one that the files of the recording give."""
-    configuration = composition.configuration
     if path == "true_class" and configuration.source.kind != "rendered":
         path = "recording.road_user"
-    name, _, attribute = path.partition(".")
-    if name == "recording":
-        return attrgetter(attribute)(composition.recording)
+    if path.startswith("recording."):
+        return attrgetter(path.removeprefix("recording."))(recording)
     value = attrgetter(path)(configuration)
     return undisturbed(value) if isinstance(value, Disturbance) else value
 
 
 def experiment_graph(composition: Composition, builder: GraphBuilder | None = None) -> Graph:
     """The graph of an experiment's nodes; several experiments may share a `builder`."""
-    count, stages = scan_count(composition), pipeline_stages(composition)
     builder = builder or GraphBuilder(open_store(composition.configuration.cache).folder)
-    return builder.build(stages, count, CHUNK_SIZE)
+    return builder.build(pipeline_stages(composition), composition.scan_count, CHUNK_SIZE)
 
 
 def compared_rows(composition: Composition, note: Callable[[str], Any]) -> "Rows | None":
@@ -181,7 +160,7 @@ def computed_stages(
     composition: Composition,
     wanted: Sequence[str],
     progress: Progress | None = None,
-    on_scores: Callable[[Scenario, Scores], None] | None = None,
+    on_scores: Callable[[Scores], None] | None = None,
     store: Store | None = None,
 ) -> Iterator[tuple[Execution, Callable[[str], list[Any]]]]:
     """Compute the missing results of stages, and give a function that loads those of a stage.
@@ -192,8 +171,7 @@ def computed_stages(
 
     Args:
         wanted: names of stages, without effect where the pipeline has no such stage.
-        on_scores: called with the scenario and the scores as soon as `RESULTS`, the first, are
-            computed.
+        on_scores: called with the scores as soon as `RESULTS`, the first, are computed.
         store: the cache; None for that of the configuration.
 
     UserError for any error that the user can fix. StageFailure if a stage fails for another reason;
@@ -213,7 +191,7 @@ def computed_stages(
 
         with Lease(store.folder, sorted(needed)):
             first = [name for name in RESULTS if name in wanted]
-            report = on_scores and (lambda: on_scores(load("scenario")[0], load("scores")[0]))
+            report = on_scores and (lambda: on_scores(load("scores")[0]))
             execution = execute(
                 graph, wanted, store, configuration.executor, progress, first=first, on_first=report
             )

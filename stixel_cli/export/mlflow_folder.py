@@ -34,7 +34,7 @@ def export_mlflow(folder: Path, target: Path) -> None:
         raise UserError("--format: mlflow needs mlflow: pip install 'stixel[mlflow]'") from None
     is_sweep = (folder / result.SWEEP_FILE).exists()
     run = None if is_sweep else result.read_run(folder)
-    sweep = read_sweep(folder)[0] if is_sweep else None
+    sweep = read_sweep(folder) if is_sweep else None
     with whole_folder(target) as partial:
         client = MlflowClient(tracking_uri=f"sqlite:///{partial / DATABASE}")
         try:

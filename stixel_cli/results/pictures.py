@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le, Len
 
+from stixel_cli.errors import UserError
 from stixel_cli.parameters import parameters
 
 
@@ -53,6 +54,15 @@ class PicturesParameters:
     frames: Annotated[tuple[Annotated[int, Ge(0), Le(100000)], ...], Len(0, 64)] | None
 
     def check(self) -> None:
-        """Raise ValueError if `frames` is not increasing; `pictured_frames` knows the last one."""
+        """Raise ValueError if `frames` is not increasing; `frames_of` knows the last one."""
         if any(later <= earlier for earlier, later in pairwise(self.frames or ())):
             raise ValueError(f"pictures.frames: must be increasing, got {list(self.frames)}")
+
+    def frames_of(self, count: int) -> tuple[int, ...]:
+        """The frames to draw of a run of `count`: those chosen, or four spread evenly over it."""
+        chosen, last = self.frames, count - 1
+        if chosen is None:
+            return tuple(sorted({round(last * share / 4) for share in (0.5, 1.5, 2.5, 3.5)}))
+        if chosen and chosen[-1] > last:
+            raise UserError(f"pictures.frames: must be <= {last}, the last frame, got {chosen[-1]}")
+        return chosen

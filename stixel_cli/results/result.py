@@ -173,7 +173,7 @@ class RunResult:
 
     A run that was computed alone has everything. One that was read has what its reader names:
     `read_run`, `read_scored_run`, `list_runs`, `results.tables.with_arrays` or
-    `experiment.run.read_stored_run`. One of a sweep has `composition`, `graph`, `targets`,
+    `experiment.stored.read_stored_run`. One of a sweep has `composition`, `graph`, `targets`,
     `metrics`, `status` and `failure`, and the entries `run`, `overrides`, `choices`, `seed` and
     `swept` of its manifest; one of a sweep's folder has the seed as typed, and no graph.
 

@@ -19,6 +19,7 @@ from typing import Any
 from stixel_cli.border import TYPED, Origin, write_below, write_whole, written
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
+from stixel_cli.engine.plan import probe
 from stixel_cli.errors import Interrupted, UserError
 from stixel_cli.files import read_yaml
 from stixel_cli.results.lineage import first_difference, origin, provenance
@@ -107,7 +108,7 @@ class Study:
         """
         plans = {one.sweep.name: one.plan for one in self.plan.sweeps if one.plan is not None}
         for plan in plans.values():
-            plan.probe()
+            probe(len(plan.missing), plan.store, plan.executor)
         self.begin(fresh)
         of_sweeps = (f"{name}: {note}" for name, plan in plans.items() for note in plan.notes)
         for note in (*self.plan.notes, *of_sweeps):

@@ -121,11 +121,10 @@ class SweepFolder:
         """The folder of a run; it may not exist."""
         return self.path / RUNS / f"{index:04d}"
 
-    def result(self) -> "tuple[SweepResult, SweepRequest]":
-        """The sweep with its runs as they are now, and its request."""
+    def result(self) -> "SweepResult":
+        """The sweep with its runs as they are now."""
         request = self.request()
-        runs = tuple(self.runs(request))
-        return SweepResult(self.path, runs, axes=request.axes, over=request.over), request
+        return SweepResult(self.path, tuple(self.runs(request)), request)
 
     def runs(self, request: SweepRequest) -> list[results.RunResult]:
         """The runs in the order of their indices; those that are not done have no metrics."""
@@ -185,14 +184,13 @@ class SweepResult:
     """Its folder; None if nothing was written."""
     runs: tuple[results.RunResult, ...]
     """One entry for each run, in the order of their indices."""
+    request: SweepRequest
+    """What was asked for. Means are `over` keys: seeds are the units of statistics, others are
+    scenarios."""
     computed: int = 0
     """Number of nodes that this call computed."""
     cached: int = 0
     """Number of needed nodes that were in the store before."""
-    axes: tuple[tuple[str, ...], ...] = ()
-    """The keys of each axis."""
-    over: tuple[str, ...] = (SEED,)
-    """Keys that means are over: seeds are the units of statistics, others are scenarios."""
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -241,14 +239,13 @@ class SweepResult:
             row | {"folder": None if row["folder"] is None else str(self.folder / row["folder"])}
             for row in self.rows
         ]
-        keys = [key for axis in self.axes for key in axis if any(key in row for row in rows)]
-        keys = keys or [SEED]
+        keys = [key for key in self.request.keys if any(key in row for row in rows)] or [SEED]
         frame = pandas.DataFrame(rows).set_index("run")
         numbers = dict.fromkeys(name for run in self.runs for name in run.metrics)
         typed = frame.astype({name: float for name in numbers if name not in keys})
         rest = (name for name in (SEED, "overrides", "failed_stage") if name not in keys)
         typed = typed.drop(columns=[*rest])
-        return Runs(typed, tuple(keys), question_over(self.over, self.axes))
+        return Runs(typed, tuple(keys), question_over(self.request.over, self.request.axes))
 
     def ask(self, **parts: Any) -> "Answer":
         """The answer of a question about the runs, see `answers.runs.Runs.ask`."""
@@ -306,33 +303,34 @@ def question_over(over: Sequence[str], axes: Sequence[Sequence[str]]) -> dict[st
     }
 
 
-def summary_files(result: SweepResult, notes: Mapping[str, Any]) -> dict[str, str]:
-    """The summaries and the page by file name; `notes` are those of the sweep's request."""
+def summary_files(result: SweepResult) -> dict[str, str]:
+    """The summaries and the page by file name."""
     from stixel_cli.answers import render
 
     every, shown = result.table.answers(result.table.metrics), result.table.answers()
     page = result.folder / PAGE
     texts = (
         render.csv(every),
-        f"# {notes['command']}\n\n{render.markdown(shown)}",
-        sweep_page(of_sweep(result, notes, shown), page, ["stixel", "report", str(result.folder)]),
+        f"# {result.request.notes['command']}\n\n{render.markdown(shown)}",
+        sweep_page(of_sweep(result, shown), page, ["stixel", "report", str(result.folder)]),
     )
     return dict(zip(SUMMARIES, texts, strict=True))
 
 
-def read_sweep(folder: Path) -> tuple[SweepResult, dict[str, Any]]:
-    """The sweep in a folder and its notes; UserError if it is no sweep, or no run is done."""
-    result, request = SweepFolder(folder).result()
+def read_sweep(folder: Path) -> SweepResult:
+    """The sweep in a folder; UserError if it is no sweep, or no run is done."""
+    result = SweepFolder(folder).result()
     if not result.count(results.DONE):
         raise UserError(f"{folder}: no run is done; resume with: stixel sweep --resume {folder}")
-    return result, request.notes
+    return result
 
 
-def of_sweep(result: SweepResult, notes: Mapping[str, Any], answers: "Sequence[Answer]") -> "Asked":
-    """What is asked of a sweep; `notes` are those of its request."""
+def of_sweep(result: SweepResult, answers: "Sequence[Answer]") -> "Asked":
+    """What is asked of a sweep."""
     from stixel_cli.answers.page import Asked
 
-    git, player = notes.get("git"), result.folder / PLAYER
+    notes, player = result.request.notes, result.folder / PLAYER
+    git = notes.get("git")
     origin = {
         "command": notes.get("command", ""),
         "created": notes.get("created", "–"),
@@ -363,12 +361,13 @@ def asked_folders(
         from stixel_cli.answers.page import asked_runs
 
         return asked_runs(folders, names, reference)
-    result, notes = read_sweep(folders[0])
+    result = read_sweep(folders[0])
     if over is not None:
-        result = replace(result, over=over_keys(over, result.axes))
+        keys = over_keys(over, result.request.axes)
+        result = replace(result, request=replace(result.request, over=keys))
     compared = None if compare is None else compare.split(",")
     answers = result.table.answers(names, compare=compared, reference=reference)
-    return of_sweep(result, notes, answers)
+    return of_sweep(result, answers)
 
 
 def sweep_page(asked: "Asked", page: Path, command: Sequence[str]) -> str:

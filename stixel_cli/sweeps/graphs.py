@@ -10,7 +10,7 @@ from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.graph import Graph, GraphBuilder, merge
 from stixel_cli.engine.parameters import Executor
-from stixel_cli.engine.plan import Durations, plan, probe
+from stixel_cli.engine.plan import Durations, plan
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, counted
 from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
@@ -73,10 +73,6 @@ class SweepPlan:
     def targets(self) -> list[str]:
         """Keys of the nodes whose results the runs require, each once."""
         return list(dict.fromkeys(target for run in self.runs for target in run.targets))
-
-    def probe(self) -> None:
-        """Raise UserError for an unusable cache or scheduler, before a folder is created."""
-        probe(len(self.missing), self.store, self.executor)
 
 
 def plan_runs(

@@ -168,7 +168,7 @@ def _answer(folder: Path) -> tuple[str, str]:
     from stixel_cli.sweeps.folder import read_sweep
 
     try:
-        result, _ = read_sweep(folder)
+        result = read_sweep(folder)
     except UserError:
         return "", "No run is done."
     answer = result.ask()

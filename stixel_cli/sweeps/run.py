@@ -21,13 +21,14 @@ from stixel_cli.config.overrides import (
     check_overrides,
     parse,
     read_overrides,
-    with_own_values,
 )
+from stixel_cli.config.own_options import with_own_values
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
 from stixel_cli.engine.execute import Execution, execute
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.keys import digest
+from stixel_cli.engine.plan import probe
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import ConfigurationError, Interrupted, UserError
 from stixel_cli.evaluation.scores import Scores
@@ -325,15 +326,12 @@ class Sweep(Progress):
         """Write `runs.csv`, and the summaries of complete settings."""
         runs = tuple(self.runs.get(one.index, one) for one in self.plan.runs)
         folder = None if self.folder is None else self.folder.path
-        request = self.request
-        result = SweepResult(
-            folder, runs, self.computed, len(self.stored), request.axes, request.over
-        )
+        result = SweepResult(folder, runs, self.request, self.computed, len(self.stored))
         if self.folder is not None:
             table = import_module("pandas").DataFrame(result.rows, dtype=object)
             self.folder.write({TABLE: table.to_csv(index=False, lineterminator="\n")})
             if result.count(DONE):
-                self.folder.write(summary_files(result, self.request.notes))
+                self.folder.write(summary_files(result))
         return result
 
 
@@ -364,7 +362,7 @@ def new_sweep(
     )
     folder = None
     if results is not None:
-        plan.probe()
+        probe(len(plan.missing), plan.store, plan.executor)
         swept = [re.split("[./]", key)[-1] for key in design.keys]
         stem = Path(design.file).stem if design.file else joined_name(["sweep", *swept])
         now, create = datetime.now(UTC), lambda path: SweepFolder(path).create(request)

@@ -94,7 +94,7 @@ def test_equal_to_omegaconf(line, monkeypatch):
     settings = {one.key: one.value for one in typed(line)}
     options = tuple(sorted((k, v) for k, v in settings.items() if k in group_options()))
     values = {key: value for key, value in settings.items() if key not in group_options()}
-    plain = choice.compose_options(options, conf_state()).plain
+    plain = choice.compose_options(options, conf_state())[0]
     fast = choice.with_values(plain, values)
     monkeypatch.setattr(choice, "_resolved", lambda section, *_: section)
     tree = OmegaConf.create(choice.with_values(plain, values))

@@ -18,10 +18,11 @@ from stixel_cli.cli.app import application
 from stixel_cli.config.annotations import describe
 from stixel_cli.config.compose import compose, from_resolved
 from stixel_cli.config.folders import group_options, options_of_kind, outermost_group
-from stixel_cli.config.keys import WRITTEN, known_keys, locate, schema_files
+from stixel_cli.config.keys import known_keys, locate
 from stixel_cli.config.messages import show
 from stixel_cli.config.texts import suggestion
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.export.json_schemas import WRITTEN, schema_files
 from stixel_cli.files import read_yaml
 from stixel_cli.studies import file as study_file
 from stixel_cli.sweeps.design import SWEEP_ENTRIES

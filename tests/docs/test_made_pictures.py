@@ -15,9 +15,12 @@ from stixel_cli import compose
 from stixel_cli.answers.runs import Runs
 from stixel_cli.border import TYPED
 from stixel_cli.config.overrides import check_overrides, read_overrides
-from stixel_cli.experiment.stages import pictured_frames, scan_count
 
 MOST_BYTES = 1_800_000
+
+
+def pictured_frames(composition):
+    return composition.configuration.pictures.frames_of(composition.scan_count)
 
 
 gallery = load_script("gallery")
@@ -51,7 +54,7 @@ def test_commands_draw_their_pictures(group, monkeypatch):
     entry = group[-1]
     composition = compose(entry.overrides)
     frames = pictured_frames(composition)
-    assert all(frame < scan_count(composition) for frame in frames)
+    assert all(frame < composition.scan_count for frame in frames)
     folder, _, name = entry.source.rpartition("/")
     assert (f"k{frames[0]:04d}" if folder else "") == folder
     if name not in {"path.png", "errors.png", "birds_eye.png"}:

@@ -1,6 +1,5 @@
 """Executions: what is computed and what is not, that results do not depend on how, and progress."""
 
-import json
 import os
 import sys
 from dataclasses import replace
@@ -9,6 +8,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.engine import progress as progress_module
+from stixel_cli.engine.cache_folder import store_json
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.parameters import LocalExecutor
 from stixel_cli.engine.plan import DURATIONS, Durations, plan
@@ -174,7 +174,7 @@ def test_few_first_targets_are_computed_in_this_process(project):
     project.run()
     project.calls()
     known = {project.function("gather"): 0.01, project.function("show"): 100.0}
-    (project.store.folder / DURATIONS).write_text(json.dumps(known))
+    store_json(project.store.folder, "", DURATIONS, known)
     options = {"executor": LocalExecutor("local", 1, None), "first": ["gather"]}
     project.run(project.graph(seed=2, frames=(3,)), ("gather", "grid", "show"), **options)
     calls = project.calls()
@@ -299,6 +299,25 @@ def test_estimates_are_of_the_work_and_leave_out_what_was_never_measured(project
     assert durations.estimate(larger)[0] == pytest.approx(4.0 * seconds)
     new = replace(nodes[0], stage=replace(nodes[0].stage, name="new", function="a.b:c"))
     assert durations.estimate([*nodes, new]) == (pytest.approx(seconds), ["new"])
+
+
+def test_the_first_nodes_of_the_workers_only_lower_an_estimate(project):
+    graph = project.graph()
+    nodes = graph.of_stage("double")
+    measured = [9.0, 9.0, 1.0]  # s
+    assert len(nodes) == len(measured)
+
+    def learned(seconds, workers):
+        durations = Durations(project.store.folder)
+        by_key = {n.key: one * n.work for n, one in zip(nodes, seconds, strict=False)}
+        durations.learn(graph, by_key, workers)
+        return Durations(project.store.folder).estimate([replace(nodes[0], first=0, stop=1)])[0]
+
+    assert learned([9.0], 2) == 9.0, "nothing else is known"
+    assert learned([7.0, 3.0], 2) == 5.0
+    assert learned([9.0, 9.0], 2) == 5.0
+    assert learned(measured, 2) == 3.0, "half old, half of the third node"
+    assert learned([9.0], 1) == 3.0
 
 
 @pytest.mark.parametrize("terminal", [False, True])

@@ -13,11 +13,15 @@ from run_cli import SMALL, run_json
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.stages import experiment_graph, pictured_frames, scan_count
+from stixel_cli.experiment.stages import experiment_graph
 from stixel_cli.results.result import read_scored_run
 from stixel_cli.sweeps.graphs import planned_run
 
 QUICK = ("executor=threads", "seed=1003")
+
+
+def pictured_frames(composition):
+    return composition.configuration.pictures.frames_of(composition.scan_count)
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +182,7 @@ def test_the_content_of_each_file_is_in_the_keys_that_need_it(made, tmp_path):
 
 def test_scans_class_and_start_are_those_of_the_file(made):
     composition = compose(from_files(made))
-    assert scan_count(composition) == 15
+    assert composition.scan_count == 15
     assert pictured_frames(composition)[-1] < 15
     late = compose([*from_files(made), "pictures.frames=[15]"])
     with pytest.raises(UserError, match="must be <= 14, the last frame, got 15"):

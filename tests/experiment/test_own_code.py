@@ -239,6 +239,17 @@ def test_a_folder_that_was_made_here_needs_no_trust_while_its_code_is_the_same(
     assert "--trust-code" in told(*[word.replace(str(folder), str(there)) for word in line], code=2)
 
 
+def test_a_module_in_the_working_directory_is_proposed_as_a_tracker(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").touch()
+    with pytest.raises(ConfigurationError, match=r"did you mean tracker=mine:track\?"):
+        compose(["tracker=mine"])
+    for wrong in ("tracker=other", "measurement=mine"):
+        with pytest.raises(ConfigurationError) as refusal:
+            compose([wrong])
+        assert ":track" not in str(refusal.value)
+
+
 def test_functions_of_installed_packages_are_options(own, monkeypatch, capsys):
     def points(group):
         names = {"stixel.trackers": "plain", "stixel.measurements": "dots"}

@@ -14,7 +14,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import GIVEN
-from stixel_cli.experiment.stages import pictured_frames, pipeline_stages, scan_count
+from stixel_cli.experiment.stages import pipeline_stages
 from stixel_cli.experiment.table import OWN, PICTURES, REPLAYED, TABLE
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
@@ -22,6 +22,10 @@ from stixel_cli.tracking.gp_ekf import GpEkfParameters
 TRUTH = {"scenario", "render"}
 MAY_SEE_TRUTH = {"render", "add_sensor_noise", "start", "scores"}
 MAY_SEE_TRUTH |= {"stage_errors", "point_errors"}
+
+
+def pictured_frames(composition):
+    return composition.configuration.pictures.frames_of(composition.scan_count)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -236,4 +240,4 @@ def test_pictured_frames_are_those_chosen_or_four_spread_over_the_run():
     chosen = compose(["pictures.frames=[3,99]"])
     assert pictured_frames(chosen) == (3, 99)
     short = compose(["path.duration=0.2"])
-    assert (scan_count(short), pictured_frames(short)) == (2, (0, 1))
+    assert (short.scan_count, pictured_frames(short)) == (2, (0, 1))

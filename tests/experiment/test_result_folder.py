@@ -15,7 +15,7 @@ from short_runs import short_python
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
-from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.errors import unwritable
 from stixel_cli.engine.store import Store
 from stixel_cli.experiment import run
 from stixel_cli.experiment.run_names import LONGEST_NAME, differences, joined_name
@@ -233,7 +233,7 @@ def refusing(monkeypatch, tmp_path):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
 
     def refuse(self):
-        raise CacheError(f"cannot write in the cache {self.folder}: Read-only file system")
+        raise unwritable(self.folder, OSError(errno.EROFS, "Read-only file system"))
 
     return lambda: monkeypatch.setattr(Store, "check_writable", refuse)
 
@@ -247,7 +247,7 @@ def test_a_read_only_cache_and_a_scheduler_that_is_not_there(
     results = tmp_path / "results"
     for more, faults in (
         (NOBODY, ["no Dask scheduler at tcp://127.0.0.1:9"]),
-        ((), ["Read-only file system; it lacks ", "STIXEL_CACHE or cache.folder=…"]),
+        ((), ["Read-only file system: choose another (cache.folder or STIXEL_CACHE)"]),
     ):
         if not more:
             refusing()

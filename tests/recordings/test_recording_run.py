@@ -15,7 +15,7 @@ from stixel_cli.cli.app import main
 from stixel_cli.config.compose import from_resolved
 from stixel_cli.config.folders import use_presets
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.stages import pipeline_stages, scan_count
+from stixel_cli.experiment.stages import pipeline_stages
 from stixel_cli.recordings import find
 
 SMALL = ("stereo.nearest=1.6", "occupancy.nearest=3")
@@ -42,7 +42,7 @@ def test_the_recording_gives_rig_times_class_and_what_suits_real_images(clip):
     assert (rig.width, rig.height, rig.focal, rig.u0, rig.v0) == (160, 96, 150.0, 78.0, 40.0)
     assert (rig.baseline, rig.camera_height, rig.pitch) == (0.5, 1.65, 0.0)
     assert rig.focal_v == rig.focal
-    assert scan_count(made) == 5 and chosen.path.sample_time == 0.1
+    assert made.scan_count == 5 and chosen.path.sample_time == 0.1
     assert made.choices["road_user"] == made.choices["prior"] == "car"
     assert made.choices["road"] == "estimated" and chosen.road.pitch_range == 4.0
     assert chosen.stereo.nearest == chosen.occupancy.nearest == 2.0
@@ -107,7 +107,7 @@ def test_what_the_user_sets_stays(clip):
     assert chosen.configuration.rig.pitch == 1.0 and chosen.configuration.rig.focal == 150.0
     assert chosen.configuration.stereo.nearest == 4.0
     assert chosen.choices["prior"] == "pedestrian"
-    assert (chosen.configuration.path.sample_time, scan_count(chosen)) == (0.2, 3)
+    assert (chosen.configuration.path.sample_time, chosen.scan_count) == (0.2, 3)
 
 
 def test_what_an_experiment_sets_stays(clip, tmp_path):

@@ -14,7 +14,7 @@ from stixel_cli import compose
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import from_resolved
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.stages import pipeline_stages, scan_count
+from stixel_cli.experiment.stages import pipeline_stages
 from stixel_cli.export.export import labels_text, write_clip
 from stixel_cli.recordings.replay import replayed_scenario, smoothing_spline
 from stixel_cli.recordings.truth import recorded_motion
@@ -66,7 +66,7 @@ def test_the_files_give_class_frames_and_ego_motion(motion):
     assert made.choices["road_user"] == made.choices["prior"] == made.choices["pace"] == "car"
     assert (made.choices["rig"], made.choices["world"]) == ("kitti", "roadside")
     assert made.choices["ego"] == "source" and chosen.path.frames == "0:12"
-    assert scan_count(made) == 12 and chosen.path.duration == pytest.approx(1.2)
+    assert made.scan_count == 12 and chosen.path.duration == pytest.approx(1.2)
     assert compose(of(motion, "path.target=1")).choices["prior"] == "pedestrian"
     own = compose(of(motion, "road_user=cyclist", "rig=default", "world=street"))
     chosen_groups = [own.choices[group] for group in ("prior", "rig", "world")]

@@ -11,7 +11,7 @@ from refusals import refused
 
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.graph import GraphBuilder
-from stixel_cli.experiment.stages import pipeline_stages, scan_count
+from stixel_cli.experiment.stages import pipeline_stages
 from stixel_cli.scene.contours import outline
 from stixel_cli.scene.mesh import bounding_box, corners
 from stixel_cli.scene.mesh_file import load_mesh, mesh_doubt, referred_files
@@ -443,7 +443,7 @@ def test_changed_texture_changes_the_keys_of_stages_that_read_the_mesh(folder):
     def keys():
         overrides = [f"road_user.mesh={folder / 'car.obj'}"]
         composition = compose(overrides)
-        count = scan_count(composition)
+        count = composition.scan_count
         return GraphBuilder().build(pipeline_stages(composition), count, count).stages
 
     before = keys()

@@ -71,7 +71,7 @@ def test_a_seed_that_an_option_lacks_is_left_out(folder, tmp_path):
     assert "Left out: seed=1, where sigma_q=0.1 lacks values" in html
     assert "3 of 4 seeds: too few to compare" in html
     # The options that have the seed are shown without it.
-    curves = over_time(read_sweep(folder)[0].ask())
+    curves = over_time(read_sweep(folder).ask())
     assert {len(errors["iou"]) for _, errors in curves.values()} == {3}
     for index in range(12):
         shutil.rmtree(folder / f"runs/{index:04d}", ignore_errors=True)
@@ -90,10 +90,10 @@ def test_without_a_common_unit_there_is_no_figure(folder, tmp_path):
 
 
 def test_runs_of_other_times_are_compared_over_their_share(folder):
-    whole = over_time(read_sweep(folder)[0].ask())
+    whole = over_time(read_sweep(folder).ask())
     assert set(whole) == set(VALUES) and len(whole["0.1"][0]) < len(SHARES)
     np.savez(folder / "runs/0000/scores.npz", t=np.arange(3.0), iou=np.array([0.0, 0.5, 1.0]))
-    shares, errors = over_time(read_sweep(folder)[0].ask())["0.1"]
+    shares, errors = over_time(read_sweep(folder).ask())["0.1"]
     np.testing.assert_array_equal(shares, SHARES)
     # Only what all runs have.
     assert set(errors) == {"iou"} and errors["iou"].shape == (4, 101)
@@ -126,7 +126,7 @@ def test_failed_runs_of_a_stored_sweep_count_as_lost(folder, capsys):
         shutil.rmtree(folder / f"runs/{index:04d}")
         (folder / f"failed/{index:04d}").mkdir(parents=True)
         (folder / f"failed/{index:04d}/failure.json").write_text(json.dumps(content))
-    runs = read_sweep(folder)[0].table
+    runs = read_sweep(folder).table
     assert list(runs.frame["status"][4:6]) == ["failed", "skipped"]
     assert runs.frame["error"][4] == "ValueError: no"
     answer = runs.ask(metric="iou_mean")

@@ -174,7 +174,7 @@ def test_an_interrupted_verify_keeps_nothing_and_says_so(original, capsys, monke
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("stixel_cli.experiment.verify.verify_run", interrupted)
+    monkeypatch.setattr("stixel_cli.experiment.stored.verify_run", interrupted)
     assert main(["verify", run]) == 130
     said = capsys.readouterr().err
     assert said.count("\n") == 1
