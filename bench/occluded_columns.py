@@ -51,11 +51,11 @@ def counts(words: list[str]) -> np.ndarray:
         chunks: list[tuple[RenderedFrames, Stixels]] = list(
             zip(load("render"), load("stixels"), strict=True)
         )
-    last = max(int(images.ids[i].max()) for images, _ in chunks for i in range(len(images)))
+    last = max(int(images.ids[i].max()) for images, _ in chunks for i in range(len(images.left)))
     total = np.zeros(4, dtype=np.int64)
     for images, stixels in chunks:
         inside = stixels.inside(values.measurement.gates)
-        for i in range(len(images)):
+        for i in range(len(images.left)):
             ids = images.ids[i]
             truth = frame_truth(
                 images.depth(i), ids, values.rig, values.road, values.occupancy, values.free_space

@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_516
+TOTAL = 45_518
 """Greatest number of lines in all."""
 
 MODULES = 244
@@ -26,7 +26,7 @@ BUDGET = {
     "cli": 2600,
     "config": 2486,
     "engine": 4214,
-    "evaluation": 1596,
+    "evaluation": 1595,
     "experiment": 1223,
     "export": 702,
     "geometry": 412,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2050,
     "studies": 1619,
     "sweeps": 1992,
-    "tracking": 6577,
+    "tracking": 6580,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -14,8 +14,7 @@ from stixel_cli.evaluation.scan_errors import finite_mean
 from stixel_cli.evaluation.scores import LabelScore, Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.recordings.types import LabelTruth
-from stixel_cli.tracking.followed import least_speed, line
-from stixel_cli.tracking.several.clusters import LEAST_SCANS
+from stixel_cli.tracking.followed import LEAST_SCANS, least_speed, line
 from stixel_cli.tracking.track import ObjectTrack, Track
 
 NEVER = 1e3

@@ -61,6 +61,9 @@ sensor's motion moves all that stands still."""
 CERTAIN = 12.0
 """A road user's speed is so many times its standard error. Of 8, six clips have 5 more tracks."""
 
+LEAST_SCANS = 6
+"""A road user that moves is in so many scans, or more."""
+
 UNKNOWN_SPEED = 10.0
 """Standard deviation of a velocity that the scans do not show, m/s."""
 

@@ -35,7 +35,7 @@ def flat(count: int, value: int, first: int = 0, shape=(120, 160)) -> RenderedFr
 def test_sensor_images_do_not_depend_on_the_chunks_and_contain_no_truth():
     rendered = flat(4, 128, first=10)
     together = add_sensor_noise(rendered, SENSOR, RIG, range(10, 14), seed=3)
-    assert together.first == 10 and len(together) == 4
+    assert together.first == 10 and len(together.left) == 4
     for some in (range(10, 12), range(12, 14)):
         part = add_sensor_noise(rendered, SENSOR, RIG, some, seed=3)
         at = slice(some.start - 10, some.stop - 10)
@@ -105,7 +105,7 @@ def test_frames_are_compressed_one_at_a_time(monkeypatch):
         monkeypatch.setattr(frames, name, encode)
     rendered = RenderedFrames.from_frames(5, frame_arrays())
     assert events == ["render", *["store"] * 5] * 3
-    assert len(rendered) == 3 and rendered.left[2].max() == 2
+    assert len(rendered.left) == 3 and rendered.left[2].max() == 2
     assert np.all(rendered.depth(1) == 1.5)
 
 

@@ -33,7 +33,7 @@ from stixel_cli.tracking.contour.contour_update import (
     Measurement,
 )
 from stixel_cli.tracking.contour.forms import forms_of
-from stixel_cli.tracking.contour.ray_kernels import MISS_STD, schmidt_update
+from stixel_cli.tracking.contour.ray_kernels import schmidt_update
 from stixel_cli.tracking.kalman import correct, normalised_innovation_squared
 from stixel_cli.tracking.track import InitialState
 
@@ -248,6 +248,10 @@ def test_rays_that_pass_by_pull_the_target_back_where_something_low_hides_both_o
     covariance = np.diag([0.3, 0.3, 0.1, 0.3, 0.1, 0.01, 0.01]) ** 2
     found = Measurement(rays, sight, TRACKER).fit(mean, covariance, mean).mean
     assert np.hypot(found[0], found[1] - 10.0) < 0.25
+    # A real matcher moves edges, so such a ray says less.
+    tracker = replace(TRACKER, silhouette_std=2.0)
+    unsure = Measurement(rays, sight, tracker).fit(mean, covariance, mean).mean
+    assert np.hypot(unsure[0], unsure[1] - 10.0) > 0.3
 
 
 @given(seed=SEEDS, count=st.integers(1, 30))
@@ -306,7 +310,7 @@ def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
     freedom = tracker.degrees_of_freedom
     own *= np.maximum((freedom + squared) / (freedom + 1.0), 1.0)
     passing = np.flatnonzero(rows.insides < 0.0)
-    noise = np.append(own, MISS_STD**2 + rays.across_variances[passing])
+    noise = np.append(own, measured.miss_variances[passing])
 
     used = measured.used
     innovation_covariance = (whole @ joint.matrix @ whole.T)[: count + 2, : count + 2]

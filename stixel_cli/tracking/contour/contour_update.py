@@ -9,7 +9,7 @@ from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
-from stixel_cli.tracking.contour.ray_kernels import MISS_STD, Fit, Measured, fit, schmidt_update
+from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, fit, schmidt_update
 from stixel_cli.tracking.smoothing import Step
 
 SEEN = np.array([0, 1, 2, 5, 6])
@@ -26,6 +26,9 @@ have in common, and what each point has of its own."""
 
 CLUTTER = 3.0
 """Log odds against a ray that passes by the shape, at most: then its point is clutter."""
+
+MISS_STD = 0.05
+"""A ray with a point of the target should meet its shape: standard deviation, m."""
 
 Posterior = tuple[np.ndarray, np.ndarray, JointCovariance, float, int, float, float]
 """Mean, covariance of the gain, joint covariance, NIS, its degrees of freedom, log odds against the
@@ -46,7 +49,7 @@ class Measurement:
         count = len(rays.ranges)
         ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
         inset, variance = sampling_inset(rays, sight)
-        of_ends = variance + (np.radians(tracker.silhouette_std) * rays.ranges[ends]) ** 2
+        of_edges = (np.radians(tracker.silhouette_std) * rays.ranges) ** 2
         silhouettes = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
         # A single ray does not show where an outline begins or ends.
         silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
@@ -57,8 +60,9 @@ class Measurement:
             ends,
             inset,
             np.append(np.ones(count, bool), silhouettes),
-            np.append((sight.std_factor * rays.stds) ** 2, of_ends),
+            np.append((sight.std_factor * rays.stds) ** 2, variance + of_edges[ends]),
             rays.across_variances,
+            MISS_STD**2 + rays.across_variances + of_edges,
             rays.shared,
             tracker.noise_factor**2,
             tracker.shape_factor**2,
@@ -90,7 +94,7 @@ class Measurement:
             rows, found.covariance, joint.matrix, NODES, self._measured, freedom
         )
         likelihood += np.log(gate_widths(self._rays, self._tracker)).sum()
-        missed = np.minimum(rows.insides, 0.0) ** 2 / (MISS_STD**2 + self._rays.across_variances)
+        missed = np.minimum(rows.insides, 0.0) ** 2 / self._measured.miss_variances
         joint = joint.copy()
         # What moved is K A already.
         joint.correct(np.eye(joint.size), *moved)

@@ -24,9 +24,6 @@ LEAST_COSINE = 0.2
 SIZE_STEP = 0.3
 """Greatest change of a factor of the size in one iteration, relative: slopes are local."""
 
-MISS_STD = 0.05
-"""A ray with a point of the target should meet its shape: standard deviation, m."""
-
 CONVERGED = 2e-3
 """The iteration ends when no state moves by more than this."""
 
@@ -81,6 +78,8 @@ class Measured(NamedTuple):
     """(n + 2,) m² of what the sensor adds to each range and to each end, along and across."""
     across_variances: np.ndarray
     """(n,) m² of the sensor across the rays."""
+    miss_variances: np.ndarray
+    """(n,) m² of how far a ray passes by the shape."""
     moves: np.ndarray
     """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
     noise_factor: float
@@ -240,7 +239,7 @@ def _schmidt_update(moved, spread, work, nodes, rows, covariance, measured, free
             # A miss is a penalty of the gain.
             while rows.insides[missing] >= 0.0:
                 missing += 1
-            own = MISS_STD**2 + measured.across_variances[missing]
+            own = measured.miss_variances[missing]
             missing += 1
         else:
             ray, shape, own = i, rows.stds[i] ** 2, measured.variances[i]
@@ -397,8 +396,7 @@ def measure(
         if min(low, high) < 0.0:
             nearer = of_low if low < high else of_high
             rows.errors[used] = _fill_limit(rows.matrix[used], nearer, sides)
-            of_miss = MISS_STD**2 + measured.across_variances[i]
-            rows.noise[used] = measured.shape_factor * of_miss
+            rows.noise[used] = measured.shape_factor * measured.miss_variances[i]
             used += 1
     return used
 

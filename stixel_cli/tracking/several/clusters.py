@@ -17,6 +17,7 @@ from stixel_cli.tracking.contour.class_size import possible_sizes
 from stixel_cli.tracking.followed import (
     BEGIN,
     LARGEST,
+    LEAST_SCANS,
     WINDOW,
     OpenTrack,
     ScansStart,
@@ -26,9 +27,6 @@ from stixel_cli.tracking.followed import (
 )
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import FoundTrack, InitialState
-
-LEAST_SCANS = 6
-"""A road user that moves is in so many scans, or more."""
 
 RECENT = 20
 """Speed and places left are those of so many of the last scans that have the cluster."""
