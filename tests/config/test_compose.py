@@ -118,18 +118,12 @@ def noise(plain):
 
 
 def test_nothing_stays_behind_in_hydra():
-    from hydra import initialize_config_dir
     from hydra.core.global_hydra import GlobalHydra
 
     with pytest.raises(ConfigurationError):
         compose(["measurement.rays=3"])
     compose()
     assert not GlobalHydra.instance().is_initialized()
-    # A notebook with a Hydra of its own keeps it.
-    with initialize_config_dir(str(shipped_folder("conf")), version_base="1.3"):
-        mine = GlobalHydra.instance().hydra
-        compose(["seed=1"])
-        assert GlobalHydra.instance().hydra is mine
 
 
 @pytest.mark.parametrize(

@@ -157,12 +157,9 @@ def test_the_class_follows_the_label(label, road_user, tmp_path):
 
 WRONG = {
     "path=turn": "path: is of the rendered scene",
-    "path.duration=2": "path.duration: is of the rendered scene",
     "ego=straight": "ego: straight is of the rendered scene",
-    "renderer=raycast": "renderer: is of the rendered scene",
     "sensor.read_noise=1": "sensor.read_noise: is of the rendered scene",
     "measurement=lidar": "measurement: lidar is of the rendered scene",
-    "measurement=fabricated": "measurement: fabricated is of the rendered scene",
     "source.frames=3": "source.frames: 3 is a whole number",
     "source.frames=3:1": "source.frames: must be first:stop with first < stop, got '3:1'",
     "source.frames=3:9": "source.frames: 3:9 is not within 0:5",

@@ -124,8 +124,6 @@ WRONG = {
     "path.sequence=x": "path.sequence: must be a number such as 0005, got 'x'",
     "path.target=7": "has no track 7; it has 0 (Car), 1 (Pedestrian)",
     "path.target=null": "path.target: is required with path=recorded",
-    "path.frames=3": "path.frames: 3 is a whole number",
-    "path.frames=3:1": "path.frames: must be first:stop with first < stop, got '3:1'",
     "path.frames=2:5": "path.frames: track 0 of clip 0003 has 3 labelled frames with an ego pose",
     "path.frames=2:30": "has no label at an end of 2:30; 2:12 has",
     "path.smoothing=-1": "path.smoothing: -1 is out of range: must be ≥ 0 and ≤ 60",
