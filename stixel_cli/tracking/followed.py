@@ -59,7 +59,8 @@ OF_SENSOR = 0.05
 sensor's motion moves all that stands still."""
 
 CERTAIN = 12.0
-"""A road user's speed is so many times its standard error. Of 8, six clips have 5 more tracks."""
+"""A road user's speed is so many times its standard error. With 8, six clips of tuning data
+have five more tracks."""
 
 LEAST_SCANS = 6
 """A road user that moves is in so many scans, or more."""

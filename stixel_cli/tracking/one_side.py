@@ -37,8 +37,7 @@ REACH, REACH_BESIDE = 0.5, 0.3
 the contour was placed, and of other segments. Inside the contour it may be twice as far."""
 
 PLACING_STD, TAIL = 0.1, 0.3
-"""To place the contour on a segment: standard deviation of a point and scale of its heavy tail, m.
-"""
+"""Of a point, m, to place the contour on a segment: standard deviation, scale of its heavy tail."""
 
 END_STD = 0.2
 """Of the places of the first and the last point at the ends of the outline, m."""

@@ -32,8 +32,8 @@ RECENT = 20
 """Speed and places left are those of so many of the last scans that have the cluster."""
 
 FREE = 4.0
-"""Of the places that a road user has left, so many times as many are free as are occupied. Of 1,
-six clips of tuning data have two more tracks."""
+"""Of the places that a road user has left, so many times as many are free as are occupied. With
+1, six clips of tuning data have two more tracks."""
 
 ACROSS = 0.5
 """A ray passes a place at this distance, m. With 0.7 a car that comes towards the ego is found 3 to
