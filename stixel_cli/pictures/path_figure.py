@@ -155,7 +155,7 @@ def _draw_strip(
     frames = list(chosen)
     away = np.linalg.norm(track.contours_world[frames] - poses[frames, None, :2], axis=2)
     reach = away + 2.0 * track.contour_std[frames]
-    size = float(np.clip(np.nanmax(reach, initial=size), size, 1.7 * size))
+    size = float(np.clip(np.nanmax(reach, initial=size), size, 2.5 * size))
     width, height = CELL[0] * size, CELL[1] * size
     for i, k in enumerate(chosen):
         pose, centre = poses[k], np.array([(i + 0.5) * width, 0.0])
