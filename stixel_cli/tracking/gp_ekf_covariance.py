@@ -99,6 +99,6 @@ class StatedCovariance:
         self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray, residuals: np.ndarray
     ) -> float:
         """After the update by `gain` (6 + N, n); returns the NIS of its `residuals` (n,)."""
-        nis = normalised_innovation_squared(self._joint.matrix, rows, noise, residuals)
+        nis, _ = normalised_innovation_squared(self._joint.matrix, rows, noise, residuals)
         self._joint.correct(gain, rows, (gain * noise) @ gain.T)
         return nis

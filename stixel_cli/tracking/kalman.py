@@ -26,13 +26,13 @@ def correct(
 
 def normalised_innovation_squared(
     covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
-) -> float:
-    """NIS of an `innovation` (n,); the others as of `correct`."""
+) -> tuple[float, float]:
+    """NIS of an `innovation` (n,), and the logarithm of its density; the others as of `correct`."""
     weighted = matrix.T / noise
     scale, pull = _scale(covariance, weighted @ matrix), weighted @ innovation
-    return float(
-        innovation @ (innovation / noise) - pull @ np.linalg.solve(scale, covariance @ pull)
-    )
+    nis = innovation @ (innovation / noise) - pull @ np.linalg.solve(scale, covariance @ pull)
+    volume = np.log(2.0 * np.pi * noise).sum() + np.linalg.slogdet(scale)[1]
+    return float(nis), float(-0.5 * (nis + volume))
 
 
 def _scale(covariance: np.ndarray, precision: np.ndarray) -> np.ndarray:

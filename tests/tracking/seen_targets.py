@@ -81,6 +81,6 @@ def rows_at(state, covariance, sensor, directions, ranges, table):
     rows, one = empty_rows(count, len(state)), np.ones(count)
     of_scan = sensor, directions, ranges, np.array([0, count - 1]), 0.0, np.ones(count + 2, bool)
     variances = np.ones(count + 2), one, one
-    measured = Measured(*of_scan, *variances, np.zeros((count, 2, 0)), 1.0, 1.0, 0.0, 1.0)
+    measured = Measured(*of_scan, *variances, 1.0, 1.0)
     measure(rows, state, covariance, measured, table.arrays)
     return rows

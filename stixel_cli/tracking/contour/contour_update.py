@@ -6,10 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from stixel_cli.tracking.association import uncut
-from stixel_cli.tracking.consider import NODES, JointCovariance
+from stixel_cli.tracking.consider import NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
-from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, fit, schmidt_update
+from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, Rows, fit
+from stixel_cli.tracking.kalman import normalised_innovation_squared
 from stixel_cli.tracking.smoothing import Step
 
 SEEN = np.array([0, 1, 2, 5, 6])
@@ -63,11 +64,8 @@ class Measurement:
             np.append((sight.std_factor * rays.stds) ** 2, variance + of_edges[ends]),
             rays.across_variances,
             MISS_STD**2 + rays.across_variances + of_edges,
-            rays.shared,
             tracker.noise_factor**2,
             tracker.shape_factor**2,
-            SHARED[tracker.seen_by],
-            FINE,
         )
 
     def fit(self, mean: np.ndarray, covariance: np.ndarray, begin: np.ndarray) -> Fit:
@@ -89,18 +87,45 @@ class Measurement:
         NIS and log likelihood are those of the innovation as the joint covariance has it, at the
         last iterate.
         """
-        rows, freedom = found.rows, self._tracker.degrees_of_freedom
-        nis, likelihood, *moved = schmidt_update(
-            rows, found.covariance, joint.matrix, NODES, self._measured, freedom
+        rows, measured = found.rows, self._measured
+        gain = found.covariance @ (rows.matrix.T / rows.noise)
+        matrix, noise = self._stated(rows, len(joint.matrix))
+        used = np.flatnonzero(measured.used)
+        nis, likelihood = normalised_innovation_squared(
+            joint.matrix, matrix[used], noise[used], rows.innovations[used]
         )
         likelihood += np.log(gate_widths(self._rays, self._tracker)).sum()
-        missed = np.minimum(rows.insides, 0.0) ** 2 / self._measured.miss_variances
+        missed = np.minimum(rows.insides, 0.0) ** 2 / measured.miss_variances
         joint = joint.copy()
-        # What moved is K A already.
-        joint.correct(np.eye(joint.size), *moved)
-        degrees = int(self._measured.used.sum())
+        joint.correct(gain, matrix, (gain * noise) @ gain.T)
         of_misses = float(np.minimum(0.5 * missed, CLUTTER).sum())
-        return found.mean, found.covariance, joint, nis, degrees, of_misses, likelihood
+        return found.mean, found.covariance, joint, nis, len(used), of_misses, likelihood
+
+    def _stated(self, rows: Rows, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """What the `rows` measure of all errors (k, size), and their own variances (k,) m².
+
+        A ray that passes by is a penalty of the gain, and measures no considered error.
+        """
+        rays, measured = self._rays, self._measured
+        count, states = len(rays.ranges), rows.matrix.shape[1]
+        of_rays, to_ends = slice(count + 2), np.append(np.arange(count), measured.ends)
+        shape, slants = rows.stds**2, np.append(rows.slants, [1.0, 1.0])
+        own = measured.variances + slants**2 * rays.across_variances[to_ends] + FINE * shape
+        matrix = np.zeros((len(rows.errors), size))
+        matrix[:, :states] = rows.matrix
+        considered = matrix[of_rays, states:]
+        considered[:count, :NODES] = field_weights(rows.angles)
+        considered[count:, NODES:SHAPE_ERRORS] = np.eye(2)
+        considered *= np.sqrt(SHARED[self._tracker.seen_by] * shape)[:, None]
+        # To move a point changes the innovation as to move the target does, on oblique faces, too.
+        of_sensor = slice(SHAPE_ERRORS, SHAPE_ERRORS + rays.shared.shape[2])
+        considered[:, of_sensor] = np.einsum(
+            "ni,nim->nm", rows.matrix[of_rays, :2], rays.shared[to_ends]
+        )
+        squared = rows.errors[of_rays] ** 2 / (own + (considered**2).sum(axis=1))
+        freedom = self._tracker.degrees_of_freedom
+        own *= np.maximum((freedom + squared) / (freedom + 1.0), 1.0)
+        return matrix, np.append(own, measured.miss_variances[rows.insides < 0.0])
 
 
 def constant_errors(joint: JointCovariance) -> np.ndarray:

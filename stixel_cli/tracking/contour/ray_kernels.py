@@ -3,7 +3,7 @@
 `RayTable` says what they look up, `contour_filter.py` what the model is.
 """
 
-from math import atan2, cos, exp, floor, log, pi, sin, sqrt
+from math import atan2, cos, exp, floor, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -80,16 +80,10 @@ class Measured(NamedTuple):
     """(n,) m² of the sensor across the rays."""
     miss_variances: np.ndarray
     """(n,) m² of how far a ray passes by the shape."""
-    moves: np.ndarray
-    """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
     noise_factor: float
     shape_factor: float
     """`noise_factor`, `shape_factor`: in the gain alone, on the variances of the sensor's ranges
     and of the limits, and of the shape's ranges."""
-    shared: float
-    own: float
-    """`shared`, `own`: shares of the shape's variance that neighbouring rays and scans have in
-    common, and that each ray has of its own."""
 
 
 class Rows(NamedTuple):
@@ -193,112 +187,6 @@ def _fit(rows, iterate, posterior, prior, measured, table, limits):
         if change < CONVERGED:
             break
     return count
-
-
-def schmidt_update(
-    rows: Rows,
-    covariance: np.ndarray,
-    joint: np.ndarray,
-    nodes: int,
-    measured: Measured,
-    degrees_of_freedom: float,
-) -> tuple[float, float, np.ndarray, np.ndarray]:
-    """What a `Fit` does to the `joint` covariance of the errors, (d + q, d + q), as predicted.
-
-    Its q considered errors are `nodes` of the shape's field, its two ends, the sensor's, and
-    others that a scan does not show.
-
-    Returns:
-        NIS and logarithm of the density of the innovation; by how much the update moves each state
-        with each error, K A (d, d + q); and the covariance K R Kᵀ (d, d), see `consider.py`.
-    """
-    size, states = len(joint), len(covariance)
-    moved, spread = np.zeros((states, size)), np.zeros((states, states))
-    work = joint.copy(), np.zeros((4, size))
-    found = _schmidt_update(
-        moved, spread, work, nodes, rows, covariance, measured, degrees_of_freedom
-    )
-    return *found, moved, spread
-
-
-@njit(cache=True, error_model="numpy")
-def _schmidt_update(moved, spread, work, nodes, rows, covariance, measured, freedom):
-    """Write `moved` and `spread` of `schmidt_update`; returns the NIS and the density.
-
-    The rows are used one after the other, as their own errors are independent.
-    """
-    joint, (row, away, mean, gain) = work
-    states, count, size = len(covariance), len(rows.angles), len(joint)
-    nis, density, missing = 0.0, 0.0, 0
-    for i in range(len(rows.errors)):
-        for j in range(states):
-            row[j] = rows.matrix[i, j]
-        for j in range(states, size):
-            row[j] = 0.0
-        if i >= count + 2:
-            # A miss is a penalty of the gain.
-            while rows.insides[missing] >= 0.0:
-                missing += 1
-            own = measured.miss_variances[missing]
-            missing += 1
-        else:
-            ray, shape, own = i, rows.stds[i] ** 2, measured.variances[i]
-            if i < count:
-                own += rows.slants[i] ** 2 * measured.across_variances[i]
-                position = rows.angles[i] / (2.0 * pi) * nodes
-                node, share = floor(position), position - floor(position)
-                std = sqrt(measured.shared * shape / (share**2 + (1.0 - share) ** 2))
-                row[states + node % nodes] = std * (1.0 - share)
-                row[states + (node + 1) % nodes] = std * share
-            else:
-                ray = measured.ends[i - count]
-                own += measured.across_variances[ray]
-                row[states + nodes + i - count] = sqrt(measured.shared * shape)
-            own += measured.own * shape
-            # To move a point changes the innovation as to move the target does, on oblique faces,
-            # too.
-            for j in range(measured.moves.shape[2]):
-                across, ahead = rows.matrix[i, 0], rows.matrix[i, 1]
-                move = across * measured.moves[ray, 0, j] + ahead * measured.moves[ray, 1, j]
-                row[states + nodes + 2 + j] = move
-            variance = own
-            for j in range(states, size):
-                variance += row[j] ** 2
-            squared = rows.errors[i] ** 2 / variance
-            own *= max((freedom + squared) / (freedom + 1.0), 1.0)
-            if measured.used[i]:
-                variance, innovation = own, rows.innovations[i]
-                for j in range(size):
-                    away[j] = 0.0
-                for k in range(size):
-                    if row[k] != 0.0:
-                        innovation -= row[k] * mean[k]
-                        for j in range(size):
-                            away[j] += row[k] * joint[k, j]
-                for j in range(size):
-                    variance += row[j] * away[j]
-                nis += innovation**2 / variance
-                density -= 0.5 * (innovation**2 / variance + log(2.0 * pi * variance))
-                for j in range(size):
-                    # Once: for all the compiler knows, the inner loop may change it.
-                    pull = away[j] / variance
-                    mean[j] += pull * innovation
-                    for k in range(size):
-                        joint[j, k] -= pull * away[k]
-        for j in range(states):
-            gain[j] = 0.0
-        for k in range(states):
-            if row[k] != 0.0:
-                pull = row[k] / rows.noise[i]
-                for j in range(states):
-                    gain[j] += pull * covariance[k, j]
-        for j in range(states):
-            pull = gain[j]
-            for k in range(size):
-                moved[j, k] += pull * row[k]
-            for k in range(states):
-                spread[j, k] += pull * own * gain[k]
-    return nis, density
 
 
 def empty_rows(count: int, states: int) -> Rows:
