@@ -8,8 +8,8 @@ from tracking_cases import FIELD, scans_of
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.tracking.contour import ray_kernels
 from stixel_cli.tracking.contour.contour_rays import Rays, rays_of
-from stixel_cli.tracking.contour.ray_kernels import Measured, empty_rows, measure
 from stixel_cli.tracking.track import InitialState
 
 SENSOR = np.array([0.0, 0.0, np.pi / 2])
@@ -78,9 +78,8 @@ def moved(scans, initial, angle, shift):
 def rows_at(state, covariance, sensor, directions, ranges, table):
     """The rows of rays from a `sensor` in ascending bearings; all variances are 1, insets 0."""
     count = len(ranges)
-    rows, one = empty_rows(count, len(state)), np.ones(count)
+    one = np.ones(count)
     of_scan = sensor, directions, ranges, np.array([0, count - 1]), 0.0, np.ones(count + 2, bool)
     variances = np.ones(count + 2), one, one
-    measured = Measured(*of_scan, *variances, 1.0, 1.0)
-    measure(rows, state, covariance, measured, table.arrays)
-    return rows
+    measured = ray_kernels.Measured(*of_scan, *variances, 1.0, 1.0)
+    return ray_kernels.rows_at(state, covariance, measured, table.arrays)

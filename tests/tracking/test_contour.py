@@ -315,9 +315,9 @@ def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
     innovation_covariance = (whole @ joint.matrix @ whole.T)[: count + 2, : count + 2]
     spread = (innovation_covariance + np.diag(own))[used][:, used]
     density = multivariate_normal(np.zeros(used.sum()), spread)
-    innovations = rows.innovations[: count + 2][used]
+    innovations = found.innovations[: count + 2][used]
     gain = np.zeros((len(root), len(noise)))
-    gain[:states] = found.covariance @ (rows.matrix.T / rows.noise)
+    gain[:states] = found.covariance @ (rows.matrix.T / found.noise)
     kept = np.eye(len(root)) - gain @ whole
     expected = kept @ joint.matrix @ kept.T + (gain * noise) @ gain.T
     after, nis, degrees = measurement.posterior(joint, found)[2:5]

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,8 +10,8 @@ from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
-from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, Rows, fit
-from stixel_cli.tracking.kalman import normalised_innovation_squared
+from stixel_cli.tracking.contour.ray_kernels import Measured, Rows, rows_at
+from stixel_cli.tracking.kalman import correct, normalised_innovation_squared
 from stixel_cli.tracking.smoothing import Step
 
 SEEN = np.array([0, 1, 2, 5, 6])
@@ -31,6 +32,12 @@ CLUTTER = 3.0
 MISS_STD = 0.05
 """A ray with a point of the target should meet its shape: standard deviation, m."""
 
+SIZE_STEP = 0.3
+"""Greatest change of a factor of the size in one iteration, relative: slopes are local."""
+
+CONVERGED = 2e-3
+"""The iteration ends when no state moves by more than this."""
+
 Posterior = tuple[np.ndarray, np.ndarray, JointCovariance, float, int, float, float]
 """Mean, covariance of the gain, joint covariance, NIS, its degrees of freedom, log odds against the
 rays that pass by the shape, log likelihood of all others."""
@@ -39,6 +46,20 @@ rays that pass by the shape, log likelihood of all others."""
 State = tuple[np.ndarray, np.ndarray, JointCovariance]
 """Mean (d,), the covariance (d, d) that makes the gain, and the joint covariance: of the error that
 the mean has with these gains, and of the errors that are considered."""
+
+
+class Fit(NamedTuple):
+    """What an update finds."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    """`mean`, `covariance`: (d,) and (d, d) of the state."""
+    rows: Rows
+    """Of the last iterate."""
+    innovations: np.ndarray
+    """(k,) m, of the rows: of the mean before the update, linear from the iterate."""
+    noise: np.ndarray
+    """(k,) m², of the rows in the gain."""
 
 
 class Measurement:
@@ -69,12 +90,20 @@ class Measurement:
         )
 
     def fit(self, mean: np.ndarray, covariance: np.ndarray, begin: np.ndarray) -> Fit:
-        """The update of a predicted `mean` (d,) and `covariance` (d, d).
-
-        The iteration begins at `begin` (d,).
-        """
-        limits = self._tracker.degrees_of_freedom, self._tracker.iterations
-        return fit(mean, covariance, begin, self._measured, self._table, *limits)
+        """An iterated update of a `mean` (d,) and `covariance` (d, d) that begins at `begin` (d,)."""
+        iterate, posterior, freedom = begin, covariance, self._tracker.degrees_of_freedom
+        for _ in range(self._tracker.iterations):
+            rows = rows_at(iterate, posterior, self._measured, self._table)
+            weights = (freedom + 1.0) / (freedom + rows.errors**2 / rows.noise)
+            noise = rows.noise / np.minimum(weights, 1.0)
+            innovations = rows.errors + rows.matrix @ (iterate - mean)
+            change, posterior, _ = correct(covariance, rows.matrix, noise, innovations)
+            before, iterate = iterate, mean + change
+            sizes = before[5:7] + np.array([[-SIZE_STEP], [SIZE_STEP]])
+            iterate[5:7] = np.clip(iterate[5:7], *sizes)
+            if np.abs(iterate - before).max() < CONVERGED:
+                break
+        return Fit(iterate, posterior, rows, innovations, noise)
 
     def update(self, predicted: State) -> Posterior:
         """The posterior of a `predicted` state, which is not changed."""
@@ -88,11 +117,11 @@ class Measurement:
         last iterate.
         """
         rows, measured = found.rows, self._measured
-        gain = found.covariance @ (rows.matrix.T / rows.noise)
+        gain = found.covariance @ (rows.matrix.T / found.noise)
         matrix, noise = self._stated(rows, len(joint.matrix))
         used = np.flatnonzero(measured.used)
         nis, likelihood = normalised_innovation_squared(
-            joint.matrix, matrix[used], noise[used], rows.innovations[used]
+            joint.matrix, matrix[used], noise[used], found.innovations[used]
         )
         likelihood += np.log(gate_widths(self._rays, self._tracker)).sum()
         missed = np.minimum(rows.insides, 0.0) ** 2 / measured.miss_variances

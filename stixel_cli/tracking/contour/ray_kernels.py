@@ -21,12 +21,6 @@ LEAST_TURN, GREATEST_TURN = 0.01, 0.2
 LEAST_COSINE = 0.2
 """Of the angle between a ray and a face's normal: the effect of an oblique face has this limit."""
 
-SIZE_STEP = 0.3
-"""Greatest change of a factor of the size in one iteration, relative: slopes are local."""
-
-CONVERGED = 2e-3
-"""The iteration ends when no state moves by more than this."""
-
 
 def expected(
     state: np.ndarray, sensor: np.ndarray, directions: np.ndarray, table: tuple[np.ndarray, ...]
@@ -93,8 +87,6 @@ class Rows(NamedTuple):
     """(n + 2 + m, d) derivatives by the state."""
     errors: np.ndarray
     """(n + 2 + m,) m, measured minus predicted."""
-    innovations: np.ndarray
-    """(n + 2 + m,) m, of the mean before the update, linear from the iterate."""
     noise: np.ndarray
     """(n + 2 + m,) m²."""
     stds: np.ndarray
@@ -107,104 +99,10 @@ class Rows(NamedTuple):
     """(n,) m, how far inside the shape's limits each ray is; negative: it passes by."""
 
 
-class Fit(NamedTuple):
-    """What an update finds."""
-
-    mean: np.ndarray
-    covariance: np.ndarray
-    """`mean`, `covariance`: (d,) and (d, d) of the state."""
-    rows: Rows
-    """Of the last iterate."""
-
-
-def fit(
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    begin: np.ndarray,
-    measured: Measured,
-    table: tuple[np.ndarray, ...],
-    degrees_of_freedom: float,
-    iterations: int,
-) -> Fit:
-    """An iterated update of the predicted `mean` (d,) and `covariance` (d, d) from `begin` (d,) on.
-
-    `RayTable.arrays`, and `far` (A, O) m has the depths where rays leave the shape, if points may
-    be there, too; else it is empty. See `contour_filter.py`.
-    """
-    rows = empty_rows(len(measured.ranges), len(mean))
-    iterate, posterior = begin.copy(), np.array(covariance, order="C")
-    prior = mean, posterior.copy(), iterate.copy(), iterate.copy()
-    limits = degrees_of_freedom, iterations
-    count = _fit(rows, iterate, posterior, prior, measured, table, limits)
-    of_all = (values[:count] for values in rows[:4])
-    return Fit(iterate, posterior, Rows(*of_all, *rows[4:]))
-
-
-@njit(cache=True, error_model="numpy")
-def _fit(rows, iterate, posterior, prior, measured, table, limits):
-    """Write `fit` to `iterate`, `posterior` and `rows`; returns the number of rows.
-
-    Their errors are independent, so they are used one after the other.
-    """
-    mean, covariance, moved, spread = prior
-    degrees_of_freedom, iterations = limits
-    states, count = len(mean), 0
-    for _ in range(iterations):
-        count = measure(rows, iterate, posterior, measured, table)
-        for i in range(states):
-            moved[i] = mean[i]
-            for j in range(states):
-                posterior[i, j] = covariance[i, j]
-        for row in range(count):
-            error = rows.errors[row]
-            weight = (degrees_of_freedom + 1.0) / (degrees_of_freedom + error**2 / rows.noise[row])
-            rows.noise[row] /= min(weight, 1.0)
-            before = innovation = error
-            variance = rows.noise[row]
-            for i in range(states):
-                spread[i] = 0.0
-            for j in range(states):
-                slope = rows.matrix[row, j]
-                if slope != 0.0:
-                    before += slope * (iterate[j] - mean[j])
-                    innovation += slope * (iterate[j] - moved[j])
-                    for i in range(states):
-                        spread[i] += slope * posterior[j, i]
-            for i in range(states):
-                variance += rows.matrix[row, i] * spread[i]
-            rows.innovations[row] = before
-            for i in range(states):
-                pull = spread[i] / variance
-                moved[i] += pull * innovation
-                for j in range(states):
-                    posterior[i, j] -= pull * spread[j]
-        change = 0.0
-        for i in range(states):
-            if i in (5, 6):
-                moved[i] = min(max(moved[i], iterate[i] - SIZE_STEP), iterate[i] + SIZE_STEP)
-            change = max(change, abs(moved[i] - iterate[i]))
-            iterate[i] = moved[i]
-        if change < CONVERGED:
-            break
-    return count
-
-
-def empty_rows(count: int, states: int) -> Rows:
-    """Arrays for the rows of so many rays, each of which may pass by."""
-    most = 2 * count + 2
-    shapes = (most, states), most, most, most, count + 2, count, count, count
-    return Rows(*map(np.empty, shapes))
-
-
-@njit(cache=True, error_model="numpy")
-def measure(
-    rows: Rows,
-    state: np.ndarray,
-    covariance: np.ndarray,
-    measured: Measured,
-    table: tuple[np.ndarray, ...],
-) -> int:
-    """Write the `rows` at a `state` (d,) with a `covariance` (d, d); returns their number.
+def rows_at(
+    state: np.ndarray, covariance: np.ndarray, measured: Measured, table: tuple[np.ndarray, ...]
+) -> Rows:
+    """The rows at a `state` (d,) with a `covariance` (d, d); `RayTable.arrays`.
 
     The slopes by the place across a ray and by the heading are central differences over about a
     standard deviation. Where the outline has a residual, the variance of what they leave out is
@@ -212,6 +110,17 @@ def measure(
     2000, *New developments in state estimation for nonlinear systems*). The nodes of the residual
     are the states from 7 on.
     """
+    count, states = len(measured.ranges), len(state)
+    most = 2 * count + 2
+    shapes = most, most, count + 2, count, count, count
+    rows = Rows(np.zeros((most, states)), *map(np.empty, shapes))
+    used = _measure(rows, state, np.ascontiguousarray(covariance), measured, table)
+    return Rows(*(values[:used] for values in rows[:3]), *rows[3:])
+
+
+@njit(cache=True, error_model="numpy")
+def _measure(rows, state, covariance, measured, table):
+    """Write `rows_at` to `rows`; returns their number."""
     count, has_nodes = len(measured.directions), len(state) > 7
     used = count + 2
     cosine, sine = cos(state[2]), sin(state[2])
@@ -223,7 +132,6 @@ def measure(
     half_y = 0.5 * (table[5][0] - table[4][0]) / shrink[1]
     turn = min(max(sqrt(max(covariance[2, 2], 0.0)), LEAST_TURN), GREATEST_TURN)
     c, s = cos(turn), sin(turn)
-    rows.matrix[:] = 0.0
     for i in range(count):
         ahead_x, ahead_y = measured.directions[i, 0], measured.directions[i, 1]
         u, v = cosine * ahead_x + sine * ahead_y, cosine * ahead_y - sine * ahead_x
