@@ -30,6 +30,7 @@ from stixel_cli.tracking.contour.contour_update import (
     FINE,
     SHAPE_ERRORS,
     SHARED,
+    Hypothesis,
     Measurement,
 )
 from stixel_cli.tracking.contour.forms import forms_of
@@ -233,9 +234,9 @@ def test_a_point_where_it_is_expected_is_likelier_than_clutter(std):
     mean = np.array([0.0, 30.0 + 0.5 * prior.size[0], -np.pi / 2, 5.0, 0.0, 0.0, 0.0])
     covariance = 1e-4 * np.eye(7)
     joint = JointCovariance(covariance, np.full(SHAPE_ERRORS, 0.5))
-    state, some = (mean, covariance, joint), [rays.subset(np.arange(n)) for n in (6, 12)]
-    few, all_of_them = (Measurement(one, sight, TRACKER).update(state)[-1] for one in some)
-    assert all_of_them > few
+    start, some = Hypothesis((mean, covariance, joint)), (np.arange(6), np.arange(12))
+    few, all_of_them = (Measurement(rays, one, sight, TRACKER).update(start) for one in some)
+    assert all_of_them.log_likelihood > few.log_likelihood
 
 
 def test_rays_that_pass_by_pull_the_target_back_where_something_low_hides_both_of_its_ends():
@@ -245,11 +246,12 @@ def test_rays_that_pass_by_pull_the_target_back_where_something_low_hides_both_o
     assert rays.hidden == (True, True)
     mean = np.array([0.5, 10.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     covariance = np.diag([0.3, 0.3, 0.1, 0.3, 0.1, 0.01, 0.01]) ** 2
-    found = Measurement(rays, sight, TRACKER).fit(mean, covariance, mean).mean
+    everything = np.arange(len(rays.ranges))
+    found = Measurement(rays, everything, sight, TRACKER).fit(mean, covariance, mean).mean
     assert np.hypot(found[0], found[1] - 10.0) < 0.25
     # A real matcher moves edges, so such a ray says less.
     tracker = replace(TRACKER, silhouette_std=2.0)
-    unsure = Measurement(rays, sight, tracker).fit(mean, covariance, mean).mean
+    unsure = Measurement(rays, everything, sight, tracker).fit(mean, covariance, mean).mean
     assert np.hypot(unsure[0], unsure[1] - 10.0) > 0.3
 
 
@@ -287,7 +289,7 @@ def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
     joint.matrix = np.eye(len(root)) + 0.02 * root @ root.T
     mean = np.zeros(states)
     mean[:3] = 3.1, 15.1, 0.38
-    measurement = Measurement(rays, sight, tracker)
+    measurement = Measurement(rays, np.arange(len(points)), sight, tracker)
     found = measurement.fit(mean, 0.05 * np.eye(states), mean)
     rows, measured, count = found.rows, measurement._measured, len(points)
     assert len(rows.errors) > count + 2
@@ -320,10 +322,10 @@ def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
     gain[:states] = found.covariance @ (rows.matrix.T / found.noise)
     kept = np.eye(len(root)) - gain @ whole
     expected = kept @ joint.matrix @ kept.T + (gain * noise) @ gain.T
-    after, nis, degrees = measurement.posterior(joint, found)[2:5]
-    assert_allclose(after.matrix, expected, atol=1e-12)
-    assert degrees == used.sum()
-    assert nis == pytest.approx(innovations @ np.linalg.solve(density.cov, innovations))
-    likelihood = measurement.posterior(joint, found)[-1]
+    prior = Hypothesis((mean, found.covariance, joint))
+    after = measurement.posterior(prior, joint, found)
+    assert_allclose(after.state[2].matrix, expected, atol=1e-12)
+    assert after.degrees == used.sum()
+    assert after.nis == pytest.approx(innovations @ np.linalg.solve(density.cov, innovations))
     gates = np.log(gate_widths(rays, tracker)).sum()
-    assert likelihood - gates == pytest.approx(density.logpdf(innovations))
+    assert after.log_likelihood - gates == pytest.approx(density.logpdf(innovations))

@@ -26,7 +26,7 @@ from stixel_cli.tracking.contour.contour_rays import (
     sight_of,
 )
 from stixel_cli.tracking.contour.contour_report import LEAST_OUTLINE_STD, contours_of, reported
-from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, Measurement
+from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, Hypothesis, Measurement
 from stixel_cli.tracking.contour.forms import forms_of
 from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
 from stixel_cli.tracking.contour.residual import Residual
@@ -301,7 +301,8 @@ def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
     assert sampling_inset(uneven, sight)[1] > 10.0 * sampling_inset(even, sight)[1]
     state = np.concatenate([[0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
     covariance = 0.1 * np.eye(len(state))
-    prior = state, covariance, JointCovariance(covariance, np.ones(SHAPE_ERRORS))
+    joint = JointCovariance(covariance, np.ones(SHAPE_ERRORS))
+    prior, rays = Hypothesis((state, covariance, joint)), rays_at([[0.0, 21.0], [0.2, 21.0]])
     for count, degrees in ((1, 1), (2, 4)):
-        rays = rays_at([[0.0, 21.0], [0.2, 21.0]][:count])
-        assert Measurement(rays, sight, tracker).update(prior)[4] == degrees
+        measurement = Measurement(rays, np.arange(count), sight, tracker)
+        assert measurement.update(prior).degrees == degrees

@@ -68,10 +68,14 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
 
     def turned(*arguments):
         widen = float(arguments[-1])
-        turn = widen * np.radians(70) * np.eye(len(arguments[0][0]))[2]
+        turn = widen * np.radians(70) * np.eye(len(arguments[0].state[0]))[2]
         return [
-            (indices, (mean + turn, *rest, likelihood + 15.0 * widen))
-            for indices, (mean, *rest, likelihood) in detect_again(*arguments)
+            replace(
+                one,
+                state=(one.state[0] + turn, *one.state[1:]),
+                log_likelihood=one.log_likelihood + 15.0 * widen,
+            )
+            for one in detect_again(*arguments)
         ]
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda scans: len(scans) == 8)
@@ -84,7 +88,7 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
 
 def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():
     def scans(*nis):
-        unseen = Hypothesis.unseen((np.zeros(7), np.eye(7), None))
+        unseen = Hypothesis((np.zeros(7), np.eye(7), None))
         return [replace(unseen, nis=one, degrees=0 if np.isnan(one) else 4) for one in nis]
 
     great = scans(0.1, 8.0, np.nan, 8.0, 8.0)

@@ -209,8 +209,10 @@ def test_a_target_that_was_looked_for_again_is_not_smoothed_across(monkeypatch):
     detect_again = contour_recovery.detect_again
 
     def likelier(*arguments):
-        results = detect_again(*arguments)
-        return [(indices, (*state, odds + 50.0)) for indices, (*state, odds) in results]
+        return [
+            dataclasses.replace(one, log_likelihood=one.log_likelihood + 50.0)
+            for one in detect_again(*arguments)
+        ]
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda scans: len(scans) == 10)
     monkeypatch.setattr(contour_filter, "detect_again", likelier)

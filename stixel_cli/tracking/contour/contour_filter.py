@@ -97,7 +97,7 @@ class ClassFilter:
         joint = JointCovariance(covariance, np.array(memories))
         # The last two are the size's deviation from the class's: at the start, all of its error.
         joint.matrix[[5, 6], [-2, -1]] = joint.matrix[[-2, -1], [5, 6]] = self._size_stds
-        self._hypotheses = [Hypothesis.unseen((mean, covariance, joint))]
+        self._hypotheses = [Hypothesis((mean, covariance, joint))]
         self._size = len(mean)
         self._reported: list[Hypothesis] = []
         self._covariances: list[np.ndarray] = []
@@ -140,7 +140,7 @@ class ClassFilter:
         self._hypotheses = steps
         covariance = joint.matrix[: len(mean), : len(mean)].copy()
         # Only smoothing reads the joint covariance and the prediction of an earlier scan.
-        kept = replace(best, state=(mean, best.state[1], None), predicted=None)
+        kept = replace(best, state=(mean, best.state[1], None), prior=None)
         self._reported.append(kept if self._tracker.lag == 0 else best)
         self._covariances.append(covariance)
         deviation = float(np.abs((mean[5:7] - self._of_class) / self._size_stds).max())
@@ -169,14 +169,12 @@ class ClassFilter:
         indices = associate(
             rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
         )
-        advanced = Hypothesis.unseen(prediction, one.log_likelihood)
-        if len(indices):
-            measurement = Measurement(rays.subset(indices), self.sight, self._tracker)
-            posterior = measurement.update(prediction)
-            advanced = Hypothesis.updated(prediction, one.log_likelihood, indices, posterior)
         # Only smoothing looks back; a filter without it keeps no chain of all its scans.
         before = None if self._tracker.lag == 0 else one
-        return replace(advanced, before=before, transition=matrix)
+        prior = Hypothesis(prediction, one.log_likelihood, before=before, transition=matrix)
+        if not len(indices):
+            return prior
+        return Measurement(rays, indices, self.sight, self._tracker).update(prior)
 
     def _detected(self, one: Hypothesis, rays: Rays, first: bool) -> list[Hypothesis]:
         """Hypotheses with the likely places of the target, see `detect_again`.
@@ -184,16 +182,10 @@ class ClassFilter:
         `first`: at the first scan with points, or the first after a gap.
         """
         after_gap = first and bool(self._reported)
-        sight, mean = self.sight, one.predicted[0][SEEN]
-        rays = at_heights(rays, mean, sight.table, sight.height_insets)
-        clusters = clusters_of(rays, one.indices, self.sight, after_gap)
-        results = detect_again(one.predicted, rays, clusters, self.sight, self._tracker, not first)
-        if not results:
-            unseen = Hypothesis.unseen(one.predicted, one.log_likelihood_before)
-            return [replace(unseen, before=one.before, transition=one.transition)]
-        before = one.predicted, one.log_likelihood_before
-        found = [Hypothesis.updated(*before, *result) for result in results]
-        return [replace(each, before=one.before) for each in found]
+        prior, sight = replace(one.prior, transition=None), self.sight
+        rays = at_heights(rays, prior.state[0][SEEN], sight.table, sight.height_insets)
+        clusters = clusters_of(rays, one.indices, sight, after_gap)
+        return detect_again(prior, rays, clusters, sight, self._tracker, not first)
 
     def latest(self) -> Track:
         """`track` of the last scan alone, at time 0."""

@@ -20,13 +20,7 @@ from stixel_cli.measurements.clusters import cluster
 from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
-from stixel_cli.tracking.contour.contour_update import (
-    Fit,
-    Hypothesis,
-    Measurement,
-    Posterior,
-    State,
-)
+from stixel_cli.tracking.contour.contour_update import Fit, Hypothesis, Measurement
 
 RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
@@ -57,19 +51,19 @@ def is_inconsistent(scans: Sequence[Hypothesis]) -> bool:
 
 
 def detect_again(
-    predicted: State,
+    prior: Hypothesis,
     rays: Rays,
     clusters: list[np.ndarray],
     sight: Sight,
     tracker: ContourParameters,
     widen: bool,
-) -> list[tuple[np.ndarray, Posterior]]:
-    """Points of the target (m,) and posteriors of a prediction that is inconsistent.
+) -> list[Hypothesis]:
+    """What a prediction that is inconsistent, the `prior`, may be after the scan.
 
-    `clusters` are those of `clusters_of`. `widen`: whether the prediction may be wrong by more than
-    its covariance.
+    `clusters` are those of `clusters_of`; without one it stays as it is. `widen`: whether it may be
+    wrong by more than its covariance.
     """
-    mean, covariance, joint = predicted
+    mean, covariance, joint = prior.state
     wide, joint = covariance.copy(), joint.copy()
     if widen:
         wide[:7, :7] += WIDE
@@ -79,9 +73,9 @@ def detect_again(
     scale = max(1.0, min(2.0 * np.sqrt(covariance[2, 2]), np.pi) / TURNS.max())
     begins = [(scale * turn, 0.0) for turn in TURNS] + [(0.0, shift) for shift in SHIFTS]
     for found in clusters:
-        taken = rays.subset(found)
+        measurement = Measurement(rays, found, sight, tracker)
+        taken = measurement.rays
         place, left = taken.points_world.mean(axis=0), taken.normals.mean(axis=0)
-        measurement = Measurement(taken, sight, tracker)
         fits: list[Fit] = []
         for turn, shift in begins:
             begin = mean.copy()
@@ -91,8 +85,8 @@ def detect_again(
             # Most begins end at the same place.
             if all(_apart(fit.mean, other.mean) for other in fits):
                 fits.append(fit)
-        results += [(found, measurement.posterior(joint, fit)) for fit in fits]
-    return results
+        results += [measurement.posterior(prior, joint, fit) for fit in fits]
+    return results or [prior]
 
 
 def rivals(hypotheses: list[Hypothesis]) -> list[Hypothesis]:

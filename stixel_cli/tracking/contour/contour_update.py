@@ -1,6 +1,6 @@
 """The update of the tracker `contour`: rays on the class's shape; see `contour_filter.py`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -38,14 +38,45 @@ SIZE_STEP = 0.3
 CONVERGED = 2e-3
 """The iteration ends when no state moves by more than this."""
 
-Posterior = tuple[np.ndarray, np.ndarray, JointCovariance, float, int, float, float]
-"""Mean, covariance of the gain, joint covariance, NIS, its degrees of freedom, log odds against the
-rays that pass by the shape, log likelihood of all others."""
-
-
 State = tuple[np.ndarray, np.ndarray, JointCovariance]
 """Mean (d,), the covariance (d, d) that makes the gain, and the joint covariance: of the error that
 the mean has with these gains, and of the errors that are considered."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Where the target may be after a scan."""
+
+    state: State
+    """After the scan."""
+    log_likelihood: float = 0.0
+    """Of all scans."""
+    indices: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    """Of the scan's points that were used."""
+    nis: float = np.nan
+    degrees: int = 0
+    """`nis`, `degrees`: of the scan; NaN and 0 without points."""
+    missed: float = 0.0
+    """Log odds against the scan's rays that pass by the shape, at most `CLUTTER` each. They count
+    between places of one class, and not between classes, whose sizes may be wrong."""
+    prior: "Hypothesis | None" = None
+    """Itself before the scan's update; None without points."""
+    before: "Hypothesis | None" = None
+    """The hypothesis that was predicted; None before the first scan."""
+    transition: np.ndarray | None = None
+    """(d, d) Jacobian of that prediction; None where the filter started again."""
+
+    @cached_property
+    def step(self) -> Step:
+        """What smoothing needs of this scan.
+
+        What errors that all scans share move goes through the filter as the mean does: no scan
+        shows it.
+        """
+        states = []
+        for mean, covariance, joint in (self.state, (self.prior or self).state):
+            states += [np.column_stack([mean, constant_errors(joint)]), covariance]
+        return Step(*states, self.before and self.before.step, self.transition)
 
 
 class Fit(NamedTuple):
@@ -63,10 +94,11 @@ class Fit(NamedTuple):
 
 
 class Measurement:
-    """What n > 0 rays measure of a target that is seen as `sight`."""
+    """What n > 0 of a scan's `rays`, at `indices`, measure of a target that is seen as `sight`."""
 
-    def __init__(self, rays: Rays, sight: Sight, tracker: ContourParameters):
-        self._rays, self._tracker = rays, tracker
+    def __init__(self, rays: Rays, indices: np.ndarray, sight: Sight, tracker: ContourParameters):
+        self.rays = rays = rays.subset(indices)
+        self._indices, self._tracker = indices, tracker
         self._table = sight.table.arrays
         count = len(rays.ranges)
         ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
@@ -90,7 +122,7 @@ class Measurement:
         )
 
     def fit(self, mean: np.ndarray, covariance: np.ndarray, begin: np.ndarray) -> Fit:
-        """An iterated update of a `mean` (d,) and `covariance` (d, d) that begins at `begin` (d,)."""
+        """An iterated update of a `mean` (d,) and `covariance` (d, d), which starts at `begin`."""
         iterate, posterior, freedom = begin, covariance, self._tracker.degrees_of_freedom
         for _ in range(self._tracker.iterations):
             rows = rows_at(iterate, posterior, self._measured, self._table)
@@ -105,13 +137,13 @@ class Measurement:
                 break
         return Fit(iterate, posterior, rows, innovations, noise)
 
-    def update(self, predicted: State) -> Posterior:
-        """The posterior of a `predicted` state, which is not changed."""
-        mean, covariance, joint = predicted
-        return self.posterior(joint, self.fit(mean, covariance, mean))
+    def update(self, prior: Hypothesis) -> Hypothesis:
+        """The `prior`, updated."""
+        mean, covariance, joint = prior.state
+        return self.posterior(prior, joint, self.fit(mean, covariance, mean))
 
-    def posterior(self, joint: JointCovariance, found: Fit) -> Posterior:
-        """The posterior of a state that was predicted with the `joint` covariance.
+    def posterior(self, prior: Hypothesis, joint: JointCovariance, found: Fit) -> Hypothesis:
+        """The `prior` after an update that is `found`, with the `joint` covariance before it.
 
         NIS and log likelihood are those of the innovation as the joint covariance has it, at the
         last iterate.
@@ -123,19 +155,27 @@ class Measurement:
         nis, likelihood = normalised_innovation_squared(
             joint.matrix, matrix[used], noise[used], found.innovations[used]
         )
-        likelihood += np.log(gate_widths(self._rays, self._tracker)).sum()
+        likelihood += np.log(gate_widths(self.rays, self._tracker)).sum()
         missed = np.minimum(rows.insides, 0.0) ** 2 / measured.miss_variances
         joint = joint.copy()
         joint.correct(gain, matrix, (gain * noise) @ gain.T)
-        of_misses = float(np.minimum(0.5 * missed, CLUTTER).sum())
-        return found.mean, found.covariance, joint, nis, len(used), of_misses, likelihood
+        return replace(
+            prior,
+            state=(found.mean, found.covariance, joint),
+            log_likelihood=prior.log_likelihood + likelihood,
+            indices=self._indices,
+            nis=nis,
+            degrees=len(used),
+            missed=float(np.minimum(0.5 * missed, CLUTTER).sum()),
+            prior=prior,
+        )
 
     def _stated(self, rows: Rows, size: int) -> tuple[np.ndarray, np.ndarray]:
         """What the `rows` measure of all errors (k, size), and their own variances (k,) m².
 
         A ray that passes by is a penalty of the gain, and measures no considered error.
         """
-        rays, measured = self._rays, self._measured
+        rays, measured = self.rays, self._measured
         count, states = len(rays.ranges), rows.matrix.shape[1]
         of_rays, to_ends = slice(count + 2), np.append(np.arange(count), measured.ends)
         shape, slants = rows.stds**2, np.append(rows.slants, [1.0, 1.0])
@@ -160,55 +200,3 @@ class Measurement:
 def constant_errors(joint: JointCovariance) -> np.ndarray:
     """How far m errors that stay, of the sensor and of the class's size, move a state: (d, m)."""
     return joint.matrix[: joint.size, joint.size + SHAPE_ERRORS :]
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """Where the target may be after a scan."""
-
-    state: State
-    """After the scan."""
-    predicted: State
-    """Before the scan's update."""
-    log_likelihood: float
-    """Of all scans."""
-    log_likelihood_before: float
-    """Of all scans before this one."""
-    indices: np.ndarray
-    """Of the scan's points that were used."""
-    nis: float = np.nan
-    degrees: int = 0
-    """`nis`, `degrees`: of the scan; NaN and 0 without points."""
-    missed: float = 0.0
-    """Log odds against the scan's rays that pass by the shape. They count between places of one
-    class, and not between classes, whose sizes may be wrong."""
-    before: "Hypothesis | None" = None
-    """The hypothesis that was predicted; None before the first scan."""
-    transition: np.ndarray | None = None
-    """(d, d) Jacobian of that prediction; None where the filter started again."""
-
-    @classmethod
-    def unseen(cls, state: State, log_likelihood: float = 0.0) -> "Hypothesis":
-        """The hypothesis of a `state` at a scan without points."""
-        return cls(state, state, log_likelihood, log_likelihood, np.zeros(0, np.int64))
-
-    @cached_property
-    def step(self) -> Step:
-        """What smoothing needs of this scan.
-
-        What errors that all scans share move goes through the filter as the mean does: no scan
-        shows it.
-        """
-        states = []
-        for mean, covariance, joint in (self.state, self.predicted):
-            states += [np.column_stack([mean, constant_errors(joint)]), covariance]
-        return Step(*states, self.before and self.before.step, self.transition)
-
-    @classmethod
-    def updated(
-        cls, predicted: State, before: float, indices: np.ndarray, posterior: Posterior
-    ) -> "Hypothesis":
-        """The hypothesis with the `posterior` of the points at `indices`."""
-        *state, nis, degrees, missed, stated = posterior
-        after = before + stated
-        return cls(tuple(state), predicted, after, before, indices, nis, degrees, missed)
