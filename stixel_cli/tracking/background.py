@@ -8,11 +8,7 @@ seen does not grow into its neighbours.
 
 import numpy as np
 
-from stixel_cli.tracking.contour.contour_rays import Rays, segments
-
-APART = 0.5
-"""m. An object is another one if it is farther by this than any point of the target may be. A place
-is remembered once in each square of this side, and a point is there if it is no farther away."""
+from stixel_cli.tracking.contour.contour_rays import APART, Rays, segments
 
 GATE = 3.0
 """Standard deviations of the place by which the target's points may be off."""

@@ -21,7 +21,7 @@ from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import predict, start
 from stixel_cli.tracking.contour.contour_rays import gate_widths, rays_of, sight_of
 from stixel_cli.tracking.contour.contour_report import (
-    LEAST_OUTLINE_STD,
+    OUTLINE_STD,
     SIDEWAYS,
     contours_of,
     reported,
@@ -159,7 +159,7 @@ def test_stated_deviation_of_the_contour_is_that_of_random_states(name):
         bearing = np.arctan2(contour[:, 1], contour[:, 0])
         wanted = np.arctan2(directions[0, :, 1], directions[0, :, 0])
         radii.append(np.interp(wanted, bearing, np.hypot(*contour.T), period=2.0 * np.pi))
-    ratio = np.std(radii, axis=0) / np.sqrt(std[0] ** 2 - LEAST_OUTLINE_STD**2)
+    ratio = np.std(radii, axis=0) / np.sqrt(std[0] ** 2 - OUTLINE_STD**2)
     assert 0.9 < np.median(ratio) < 1.1
     assert np.mean((ratio > 0.5) & (ratio < 1.6)) > 0.8
 

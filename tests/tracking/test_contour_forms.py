@@ -25,7 +25,7 @@ from stixel_cli.tracking.contour.contour_rays import (
     segments,
     sight_of,
 )
-from stixel_cli.tracking.contour.contour_report import LEAST_OUTLINE_STD, contours_of, reported
+from stixel_cli.tracking.contour.contour_report import OUTLINE_STD, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, Hypothesis, Measurement
 from stixel_cli.tracking.contour.forms import forms_of
 from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
@@ -140,7 +140,7 @@ def test_stated_deviation_of_the_contour_has_the_residual():
     drawn = mean + random.standard_normal((300, len(mean))) @ root
     outlines = [contours_of(one[None], covariance, shape, 90, residual)[0][0] for one in drawn]
     radii = [np.hypot(*outline.T) for outline in outlines]
-    ratio = np.std(radii, axis=0) / np.sqrt(std[0] ** 2 - LEAST_OUTLINE_STD**2)
+    ratio = np.std(radii, axis=0) / np.sqrt(std[0] ** 2 - OUTLINE_STD**2)
     assert 0.9 < np.median(ratio) < 1.1
 
 

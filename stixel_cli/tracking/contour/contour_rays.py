@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.measurements.clusters import GAP
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.contour.class_shape import (
     HEIGHTS,
@@ -21,14 +22,12 @@ from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, expected
 from stixel_cli.tracking.contour.ray_table import RayTable
 from stixel_cli.tracking.contour.residual import Residual
 
-NEAR_RANGE, NEAR_ACROSS = 0.3, 0.15
-"""A point this near to the expected one, m, along the ray and across, is in every gate."""
+NEAR = 0.15
+"""A point this near to the expected one, m, is in every gate."""
 
-BESIDE, NEARER = 0.3, 0.3
-"""A point that is by so much nearer, m, and so near across the rays, hides an end."""
-
-GAP = 0.6
-"""Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
+APART = 0.5
+"""Two objects are so far apart, m: a point that is by so much nearer than an end, and no farther
+beside it, hides the end."""
 
 FACES = 2
 """Errors of a target at the heights of its points: of its ends and of its sides."""
@@ -112,8 +111,8 @@ class Rays:
         bearings = self.bearings[indices]
         ends = indices[[bearings.argmin(), bearings.argmax()]]
         apart = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends])) * self.ranges[ends]
-        nearer = self.ranges[others] < self.ranges[ends] - NEARER
-        return tuple((nearer & (apart < BESIDE)).any(axis=0).tolist())
+        nearer = self.ranges[others] < self.ranges[ends] - APART
+        return tuple((nearer & (apart < APART)).any(axis=0).tolist())
 
 
 def sight_of(
@@ -227,11 +226,11 @@ def associate(
         across = np.einsum("ni,ij,nj->n", rays.normals, covariance[:2, :2], rays.normals)
         along = along - across
     reach = np.hypot(*sight.table.extents)
-    turned = 0.25 * reach**2 * covariance[2, 2]
+    of_shape = 0.25 * reach**2 * np.trace(covariance[2:, 2:])
     errors = rays.ranges - ranges - sight.bias_per_std * rays.stds
-    variance = rays.stds**2 + stds**2 + along + turned
-    fits = np.abs(errors) < NEAR_RANGE + tracker.gate_std * np.sqrt(variance)
-    meets = misses < NEAR_ACROSS + tracker.gate_std * np.sqrt(across + turned)
+    variance = rays.stds**2 + stds**2 + along + of_shape
+    fits = np.abs(errors) < NEAR + tracker.gate_std * np.sqrt(variance)
+    meets = misses < NEAR + tracker.gate_std * np.sqrt(across + of_shape)
     inside = fits & meets & ~rays.others
     if sight.residual and inside.any():
         inside &= _of_target(segments(rays), inside)
@@ -240,7 +239,7 @@ def associate(
 
 def gate_widths(rays: Rays, tracker: ContourParameters) -> np.ndarray:
     """Widths (n,) m of the gates of rays through a target whose place is known."""
-    return 2.0 * (NEAR_RANGE + tracker.gate_std * rays.stds)
+    return 2.0 * (NEAR + tracker.gate_std * rays.stds)
 
 
 def _of_target(labels: np.ndarray, inside: np.ndarray) -> np.ndarray:

@@ -3,13 +3,10 @@
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.tracking.contour.class_shape import ClassShape
+from stixel_cli.tracking.contour.class_shape import OUTLINE_STD, ClassShape
 from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.track import contour_directions
-
-LEAST_OUTLINE_STD = 0.03
-"""How well at least the class's outline, scaled, fits one road user, m."""
 
 SIDEWAYS = 0.05
 """Standard deviation of the velocity across the heading, m/s, which the state does not have."""
@@ -58,7 +55,7 @@ def contours_of(
             weights = residual.weights_at(body, mean)
             slopes[k, :, 7:] = weights * (lengths[k] / facing[k])[:, None]
     variances = np.einsum("kmi,kmi->km", slopes @ covariances, slopes)
-    of_shape = np.maximum(stds, LEAST_OUTLINE_STD) ** 2
+    of_shape = np.maximum(stds, OUTLINE_STD) ** 2
     contours = means[:, None, :2] + bodies @ turns.transpose(0, 2, 1)
     return contours, directions, np.sqrt(np.maximum(variances, 0.0) + of_shape)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import NODES, JointCovariance, field_weights
+from stixel_cli.tracking.contour.class_shape import OUTLINE_STD
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
 from stixel_cli.tracking.contour.ray_kernels import Measured, Rows, rows_at
@@ -28,9 +29,6 @@ have in common, and what each point has of its own."""
 
 CLUTTER = 3.0
 """Log odds against a ray that passes by the shape, at most: then its point is clutter."""
-
-MISS_STD = 0.05
-"""A ray with a point of the target should meet its shape: standard deviation, m."""
 
 SIZE_STEP = 0.3
 """Greatest change of a factor of the size in one iteration, relative: slopes are local."""
@@ -116,7 +114,7 @@ class Measurement:
             np.append(np.ones(count, bool), silhouettes),
             np.append((sight.std_factor * rays.stds) ** 2, variance + of_edges[ends]),
             rays.across_variances,
-            MISS_STD**2 + rays.across_variances + of_edges,
+            OUTLINE_STD**2 + rays.across_variances + of_edges,
             tracker.noise_factor**2,
             tracker.shape_factor**2,
         )

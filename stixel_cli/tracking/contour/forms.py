@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 
 from stixel_cli.tracking.contour import ray_table
-from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
+from stixel_cli.tracking.contour.class_shape import OUTLINE_STD, ClassShape, class_shape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
 from stixel_cli.tracking.contour.residual import Residual
@@ -26,13 +26,12 @@ from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import OTHER
 
-FREE_STD, FREE_RESIDUAL, CORNER = 0.5, 0.1, 0.25
-"""Of the free form: relative standard deviation of the length and width, standard deviation of its
-residual, m, and the radius of its corners, relative to the smaller side."""
+FREE_STD, CORNER = 0.5, 0.25
+"""Of the free form: relative standard deviation of the length and width, and the radius of its
+corners, relative to the smaller side."""
 
-EXACT_STD, FREE_EXACT_STD = 0.02, 0.05
-"""How well the ranges and ends of a rectangle or of an outline that the user gives, and of the free
-form, fit, m."""
+EXACT_STD = 0.02
+"""How well the ranges and ends of a rectangle or of an outline that the user gives fit, m."""
 
 LEAST_RADIUS = 0.02
 """Of an outline whose centre is outside of it, m."""
@@ -73,8 +72,8 @@ def free_form(
     radius = CORNER * size.min()
     body = shapely.box(*(radius - 0.5 * size), *(0.5 * size - radius)).buffer(radius)
     shape = star_of(shapely.get_coordinates(shapely.orient_polygons(body))[:-1])
-    table = _exact_table(shape.outline, FREE_EXACT_STD)
-    residual = Residual(shape, FREE_RESIDUAL)
+    table = _exact_table(shape.outline, OUTLINE_STD)
+    residual = Residual(shape)
     sight = Sight(table, bias_per_std=0.0, std_factor=1.0, outline=True, residual=residual)
     return replace(prior, road_user=OTHER), shape, sight, tracker
 
