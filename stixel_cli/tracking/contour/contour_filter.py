@@ -58,7 +58,7 @@ from stixel_cli.tracking.contour.contour_update import (
     Measurement,
     constant_errors,
 )
-from stixel_cli.tracking.contour.residual import Residual
+from stixel_cli.tracking.contour.residual import RESIDUAL_STD, Residual
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.smoothing import smooth
 from stixel_cli.tracking.track import OTHER, InitialState, Track
@@ -294,7 +294,7 @@ def start(
     gain = covariance @ row / (row @ covariance @ row + SIDEWAYS**2)
     mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
     kept = [0, 1, 2, 3, 5]
-    nodes = [residual.std**2] * NODES if residual else []
+    nodes = [RESIDUAL_STD**2] * NODES if residual else []
     whole, spread = np.zeros(7 + len(nodes)), np.diag([0.0] * 7 + nodes)
     whole[:5], spread[:5, :5] = mean[kept], covariance[np.ix_(kept, kept)]
     whole[5:7] = np.log(np.array([prior.length, prior.width]) / shape.size)
