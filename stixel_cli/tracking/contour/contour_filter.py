@@ -110,11 +110,12 @@ class ClassFilter:
         return not any(one.degrees for one in self._reported[-RECENT:])
 
     def expected(self, interval: float) -> tuple[np.ndarray, float, float]:
-        """Place (2,) m an `interval` in s later, half of the target's diagonal, the place's std."""
+        """Place (2,) m an `interval` in s later, half of the largest diagonal, the place's std."""
         mean, covariance, _ = self._hypotheses[0].state
         later, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
         variances = np.diag(matrix @ covariance @ matrix.T + noise)[:2]
-        half = 0.5 * float(np.hypot(*(self.sight.table.extents * np.exp(mean[5:7]))))
+        largest = self.sight.table.extents * np.exp(mean[5:7] + np.sqrt(np.diag(covariance)[5:7]))
+        half = 0.5 * float(np.hypot(*largest))
         return later[:2], half, np.sqrt(max(variances.sum(), 0.0))
 
     def step(self, interval: float, rays: Rays, recovers: bool) -> np.ndarray:
@@ -165,7 +166,7 @@ class ClassFilter:
             noise[[5, 6], [5, 6]] = 0.0
         joint.predict(pulled, noise, interval)
         prediction = mean, covariance, joint
-        rays = at_heights(rays, mean[SEEN], self.sight.table, self.sight.height_insets)
+        rays = self._at_heights(rays, mean)
         indices = associate(
             rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
         )
@@ -176,6 +177,10 @@ class ClassFilter:
             return prior
         return Measurement(rays, indices, self.sight, self._tracker).update(prior)
 
+    def _at_heights(self, rays: Rays, mean: np.ndarray) -> Rays:
+        sight, of_class = self.sight, self._road_user != OTHER
+        return at_heights(rays, mean[SEEN], sight.table, sight.height_insets, of_class)
+
     def _detected(self, one: Hypothesis, rays: Rays, first: bool) -> list[Hypothesis]:
         """Hypotheses with the likely places of the target, see `detect_again`.
 
@@ -183,7 +188,7 @@ class ClassFilter:
         """
         after_gap = first and bool(self._reported)
         prior, sight = replace(one.prior, transition=None), self.sight
-        rays = at_heights(rays, prior.state[0][SEEN], sight.table, sight.height_insets)
+        rays = self._at_heights(rays, prior.state[0])
         clusters = clusters_of(rays, one.indices, sight, after_gap)
         return detect_again(prior, rays, clusters, sight, self._tracker, not first)
 

@@ -169,14 +169,19 @@ def rays_of(
 
 
 def at_heights(
-    rays: Rays, pose_and_size: np.ndarray, table: RayTable, insets: np.ndarray | None
+    rays: Rays,
+    pose_and_size: np.ndarray,
+    table: RayTable,
+    insets: np.ndarray | None,
+    of_class: bool = True,
 ) -> Rays:
     """The rays as if all points were low: a windscreen is behind the bumper, a roof is narrower.
 
     A ray ends no sooner than where it enters the box that the predicted target, at `pose_and_size`
     (5,), has at the height of the point. If that is behind what the `table` expects, the point
-    moves by the difference, at most from the one box to the other. `insets` are those of
-    `class_shape.height_insets`; `shared` gets two columns of how far a target's own are off.
+    moves by the difference, at most from the one box to the other; if the target is not `of_class`,
+    it is only less certain. `insets` are those of `class_shape.height_insets`; `shared` gets two
+    columns of how far a target's own are off.
     """
     if rays.heights is None or insets is None:
         return rays
@@ -201,8 +206,8 @@ def at_heights(
     # Its own ends and sides differ from the class's in all scans alike.
     inwards = np.eye(FACES)[entered[:, 0]] * (np.sign(ahead) * steepness * std[:, None])
     shared = np.concatenate([rays.shared, inwards[:, None] * turn], axis=2)
-    stds = np.hypot(rays.stds, std)
-    return replace(rays, ranges=rays.ranges - moved, stds=stds, shared=shared)
+    ranges = rays.ranges - moved if of_class else rays.ranges
+    return replace(rays, ranges=ranges, stds=np.hypot(rays.stds, std), shared=shared)
 
 
 def associate(

@@ -18,7 +18,12 @@ import numpy as np
 import shapely
 
 from stixel_cli.tracking.contour import ray_table
-from stixel_cli.tracking.contour.class_shape import OUTLINE_STD, ClassShape, class_shape
+from stixel_cli.tracking.contour.class_shape import (
+    OUTLINE_STD,
+    ClassShape,
+    class_shape,
+    height_insets,
+)
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
 from stixel_cli.tracking.contour.residual import Residual
@@ -65,7 +70,8 @@ def free_form(
 ) -> tuple[PriorShape, ClassShape, Sight, ContourParameters]:
     """A form of no class: the prior that it has, and as the forms of `forms_of`.
 
-    Its size begins as the prior's, which may be off by half.
+    Its size begins as the prior's, which may be off by half. How far its faces are inside of it
+    higher up is as uncertain as those of the prior's class.
     """
     size = np.array([prior.length, prior.width])
     tracker = replace(tracker, length_std=FREE_STD, width_std=FREE_STD)
@@ -74,7 +80,8 @@ def free_form(
     shape = star_of(shapely.get_coordinates(shapely.orient_polygons(body))[:-1])
     table = _exact_table(shape.outline, OUTLINE_STD)
     residual = Residual(shape)
-    sight = Sight(table, bias_per_std=0.0, std_factor=1.0, outline=True, residual=residual)
+    insets = None if prior.road_user == "unknown" else height_insets(prior.road_user)
+    sight = Sight(table, 0.0, 1.0, outline=True, residual=residual, height_insets=insets)
     return replace(prior, road_user=OTHER), shape, sight, tracker
 
 
