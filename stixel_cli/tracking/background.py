@@ -6,11 +6,13 @@ was known to be somewhere else; so only points at new places are candidates. And
 seen does not grow into its neighbours.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from stixel_cli.tracking.contour.contour_rays import APART, Rays, segments
+from stixel_cli.tracking.contour.contour_rays import Rays, segments
+
+APART = 0.5
+"""m. An object is another one if it is farther by this than any point of the target may be. A place
+is remembered once in each square of this side, and a point is there if it is no farther away."""
 
 GATE = 3.0
 """Standard deviations of the place by which the target's points may be off."""
@@ -22,31 +24,28 @@ class Background:
     def __init__(self) -> None:
         self._places = np.zeros((0, 2))
 
-    def others(self, rays: Rays, targets: Sequence[tuple[np.ndarray, float, float]]) -> np.ndarray:
+    def others(self, rays: Rays, place: np.ndarray, half: float, spread: float) -> np.ndarray:
         """Which points of a scan are known to be other objects': (n,).
 
-        The target is at one of some places (2,) m with a standard deviation, m, and reaches so many
-        m from there: `targets` has place, reach and deviation of each.
+        The target is at `place` (2,) m with a standard deviation of `spread` m, and reaches `half`
+        m from there.
         """
-        points, beyond = rays.points_world, np.full(len(rays.ranges), np.inf)
-        for place, half, spread in targets:
-            away = np.hypot(*(points - place).T) - half - GATE * spread
-            beyond = np.minimum(beyond, away)
-        if (beyond > APART).any():
-            self._learn(points, beyond, segments(rays))
+        points, reach = rays.points_world, half + GATE * spread
+        distances = np.hypot(*(points - place).T)
+        if (distances > reach + APART).any():
+            self._learn(points, distances, segments(rays), reach + APART)
         if not len(self._places) or not len(points):
             return np.zeros(len(points), bool)
         from scipy.spatial import cKDTree
 
         return cKDTree(self._places).query(points)[0] < APART
 
-    def _learn(self, points_world: np.ndarray, beyond: np.ndarray, labels: np.ndarray) -> None:
-        """Remember the points (n, 2) m of the objects, labelled from 0 on, that are `beyond` reach.
-
-        `beyond` (n,) is by how many m a point is.
-        """
+    def _learn(
+        self, points_world: np.ndarray, distances: np.ndarray, labels: np.ndarray, reach: float
+    ) -> None:
+        """Remember the points (n, 2) m of the objects, labelled from 0 on, beyond `reach`, m."""
         nearest = np.full(labels.max() + 1, np.inf)
-        np.minimum.at(nearest, labels, beyond)
-        places = np.concatenate([self._places, points_world[nearest[labels] > APART]])
+        np.minimum.at(nearest, labels, distances)
+        places = np.concatenate([self._places, points_world[nearest[labels] > reach]])
         _, first = np.unique(np.round(places / APART), axis=0, return_index=True)
         self._places = places[first]

@@ -115,7 +115,7 @@ class OneSide:
         shared = self._scans.shared_directions(scan.k, scan.points)
         rays = rays_of(*seen, sensor, self._scans.field_of_view, shared, scan.heights)
         spread = np.sqrt(max(np.trace(position), 0.0))
-        others = self._background.others(rays, [(mean[:2], mean[6:].max(), spread)])
+        others = self._background.others(rays, mean[:2], mean[6:].max(), spread)
         rays, stds = replace(rays, others=others), np.zeros(len(scan.points))
         if self._tables is not None and len(scan.points):
             state = np.concatenate([mean[:3], self._factors])

@@ -134,9 +134,9 @@ def test_a_high_point_counts_as_a_low_one(heading, sensor, points, inside):
     np.testing.assert_allclose(moved.points_world - pose[:2], expected, atol=1e-6)
     stds = [0.01, np.hypot(0.01, std / abs(ahead[1, axis]))]
     np.testing.assert_allclose(moved.stds, stds, atol=1e-9)
-    # What the target's own face is off moves along its normal, inwards.
+    # What the target's own faces are off moves them inwards: a range along one, an end by both.
     shared = np.zeros((2, FACES, 2))
-    shared[1, axis, axis] = std * np.sign(ahead[1, axis])
+    shared[1] = np.diag(np.sign(ahead[1]) * [0.2 * (ahead[1, 0] > 0.0), 0.05])
     np.testing.assert_allclose(turn @ moved.shared, shared, atol=1e-9)
     assert at_heights(rays, pose, BOX, None) is rays
     without = at_heights(rays_of(points, noise, np.append(sensor, 0.0)), pose, BOX, INSETS)

@@ -101,13 +101,9 @@ class ClassBank:
     def step(self, interval: float, rays: Rays) -> None:
         """The next scan, an `interval` in s after the one before, with the `rays` of its points."""
         leader = self._kept.get(self._chosen[-1] if self._chosen else self._start)
-        probable = [
-            one
-            for one in self._kept.values()
-            if not one.log_weights or one.log_weights[-1] > self._best - CONTRADICTED
-        ]
-        targets = [one.expected(interval) for one in probable]
-        rays = replace(rays, others=self._background.others(rays, targets))
+        if leader:
+            others = self._background.others(rays, *leader.expected(interval))
+            rays = replace(rays, others=others)
         if leader and leader.unseen and self._chosen:
             # What appears may be of another class: the reported one looks.
             used = leader.step(interval, rays, True)
@@ -116,8 +112,9 @@ class ClassBank:
             leader = None
         for one in self._kept.values():
             # Re-detection costs seven updates; skip it for classes that the scans rule out.
+            probable = not one.log_weights or one.log_weights[-1] > self._best - CONTRADICTED
             if one is not leader:
-                one.step(interval, rays, one in probable)
+                one.step(interval, rays, probable)
         self._choose()
         # A class that a stretched size keeps likely does not rule out others.
         likely = [one.log_weights[-1] for one in self._kept.values() if not _is_far(one)]

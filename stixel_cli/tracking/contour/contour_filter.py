@@ -58,7 +58,7 @@ from stixel_cli.tracking.contour.contour_update import (
     Measurement,
     constant_errors,
 )
-from stixel_cli.tracking.contour.residual import RESIDUAL_STD, Residual
+from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.smoothing import smooth
 from stixel_cli.tracking.track import OTHER, InitialState, Track
@@ -110,12 +110,11 @@ class ClassFilter:
         return not any(one.degrees for one in self._reported[-RECENT:])
 
     def expected(self, interval: float) -> tuple[np.ndarray, float, float]:
-        """Place (2,) m an `interval` in s later, half of the largest diagonal, the place's std."""
+        """Place (2,) m an `interval` in s later, half of the target's diagonal, the place's std."""
         mean, covariance, _ = self._hypotheses[0].state
         later, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
         variances = np.diag(matrix @ covariance @ matrix.T + noise)[:2]
-        largest = self.sight.table.extents * np.exp(mean[5:7] + np.sqrt(np.diag(covariance)[5:7]))
-        half = 0.5 * float(np.hypot(*largest))
+        half = 0.5 * float(np.hypot(*(self.sight.table.extents * np.exp(mean[5:7]))))
         return later[:2], half, np.sqrt(max(variances.sum(), 0.0))
 
     def step(self, interval: float, rays: Rays, recovers: bool) -> np.ndarray:
@@ -299,7 +298,7 @@ def start(
     gain = covariance @ row / (row @ covariance @ row + SIDEWAYS**2)
     mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
     kept = [0, 1, 2, 3, 5]
-    nodes = [RESIDUAL_STD**2] * NODES if residual else []
+    nodes = [residual.std**2] * NODES if residual else []
     whole, spread = np.zeros(7 + len(nodes)), np.diag([0.0] * 7 + nodes)
     whole[:5], spread[:5, :5] = mean[kept], covariance[np.ix_(kept, kept)]
     whole[5:7] = np.log(np.array([prior.length, prior.width]) / shape.size)

@@ -8,7 +8,6 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
-from stixel_cli.measurements.clusters import GAP
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.contour.class_shape import (
     HEIGHTS,
@@ -22,12 +21,12 @@ from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, expected
 from stixel_cli.tracking.contour.ray_table import RayTable
 from stixel_cli.tracking.contour.residual import Residual
 
-NEAR = 0.15
-"""A point this near to the expected one, m, is in every gate."""
+NEAR, NEAR_ACROSS = 0.3, 0.15
+"""A point this near to the expected one, m, along the ray and across, is in every gate. A point
+that is by the first nearer than an end, and no farther beside it, hides it."""
 
-APART = 0.5
-"""Two objects are so far apart, m: a point that is by so much nearer than an end, and no farther
-beside it, hides the end."""
+GAP = 0.6
+"""Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
 
 FACES = 2
 """Errors of a target at the heights of its points: of its ends and of its sides."""
@@ -111,8 +110,8 @@ class Rays:
         bearings = self.bearings[indices]
         ends = indices[[bearings.argmin(), bearings.argmax()]]
         apart = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends])) * self.ranges[ends]
-        nearer = self.ranges[others] < self.ranges[ends] - APART
-        return tuple((nearer & (apart < APART)).any(axis=0).tolist())
+        nearer = self.ranges[others] < self.ranges[ends] - NEAR
+        return tuple((nearer & (apart < NEAR)).any(axis=0).tolist())
 
 
 def sight_of(
@@ -203,8 +202,8 @@ def at_heights(
     ranges = expected(pose_and_size, rays.sensor, rays.directions, table.arrays)[0]
     moved = np.clip(entry - ranges, 0.0, entry - lowest)
     std[moved == 0.0] = 0.0
-    # Its own ends and sides differ from the class's in all scans alike.
-    inwards = np.eye(FACES)[entered[:, 0]] * (np.sign(ahead) * steepness * std[:, None])
+    # Its own ends and sides differ from the class's in all scans alike. Along a face, none moves.
+    inwards = np.sign(ahead) * stds
     shared = np.concatenate([rays.shared, inwards[:, None] * turn], axis=2)
     ranges = rays.ranges - moved if of_class else rays.ranges
     return replace(rays, ranges=ranges, stds=np.hypot(rays.stds, std), shared=shared)
@@ -231,11 +230,11 @@ def associate(
         across = np.einsum("ni,ij,nj->n", rays.normals, covariance[:2, :2], rays.normals)
         along = along - across
     reach = np.hypot(*sight.table.extents)
-    of_shape = 0.25 * reach**2 * np.trace(covariance[2:, 2:])
+    turned = 0.25 * reach**2 * covariance[2, 2]
     errors = rays.ranges - ranges - sight.bias_per_std * rays.stds
-    variance = rays.stds**2 + stds**2 + along + of_shape
+    variance = rays.stds**2 + stds**2 + along + turned
     fits = np.abs(errors) < NEAR + tracker.gate_std * np.sqrt(variance)
-    meets = misses < NEAR + tracker.gate_std * np.sqrt(across + of_shape)
+    meets = misses < NEAR_ACROSS + tracker.gate_std * np.sqrt(across + turned)
     inside = fits & meets & ~rays.others
     if sight.residual and inside.any():
         inside &= _of_target(segments(rays), inside)

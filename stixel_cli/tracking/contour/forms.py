@@ -31,9 +31,9 @@ from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import OTHER
 
-FREE_STD, CORNER = 0.5, 0.25
-"""Of the free form: relative standard deviation of the length and width, and the radius of its
-corners, relative to the smaller side."""
+FREE_STD, FREE_RESIDUAL, CORNER = 0.5, 0.1, 0.25
+"""Of the free form: relative standard deviation of the length and width, standard deviation of its
+residual, m, and the radius of its corners, relative to the smaller side."""
 
 EXACT_STD = 0.02
 """How well the ranges and ends of a rectangle or of an outline that the user gives fit, m."""
@@ -79,7 +79,7 @@ def free_form(
     body = shapely.box(*(radius - 0.5 * size), *(0.5 * size - radius)).buffer(radius)
     shape = star_of(shapely.get_coordinates(shapely.orient_polygons(body))[:-1])
     table = _exact_table(shape.outline, OUTLINE_STD)
-    residual = Residual(shape)
+    residual = Residual(shape, FREE_RESIDUAL)
     insets = None if prior.road_user == "unknown" else height_insets(prior.road_user)
     sight = Sight(table, 0.0, 1.0, outline=True, residual=residual, height_insets=insets)
     return replace(prior, road_user=OTHER), shape, sight, tracker
