@@ -14,7 +14,6 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_rays import Rays
 from stixel_cli.tracking.gp_ekf_update import Linearisation
-from stixel_cli.tracking.kalman import normalised_innovation_squared
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.one_side import OneSide
 
@@ -61,7 +60,7 @@ class StatedCovariance:
         """
         rows = np.zeros((1, len(self._joint.matrix)))
         rows[0, : len(row)] = row
-        self._joint.correct(gain[:, None], rows, np.outer(std**2 * gain, gain))
+        self._joint.correct(gain[:, None], rows, std**2 * gain[:, None])
 
     @property
     def position(self) -> np.ndarray:
@@ -83,12 +82,12 @@ class StatedCovariance:
         own += (squares - along**2) * rays.across_variances
         directions = model.directions @ rotation(mean[2])
         angles = np.arctan2(directions[:, 1], directions[:, 0])
-        limbs = [self._side.between(angles, limb) for limb in self._limbs]
+        limbs = model.rows[0][:, 6:] @ self._limbs.T
         # Of what the process leaves out, neighbours share a part as large as each point's own.
         rough = self._side.roughness**2 * squares
         field = np.copysign(np.sqrt(rough + (shape_stds * along) ** 2), along)
         considered = [
-            np.reshape(limbs, (len(limbs), len(angles))).T,
+            limbs,
             field[:, None] * field_weights(angles),
             np.einsum("ni,nij->nj", gradients, rays.shared),
         ]
@@ -99,6 +98,6 @@ class StatedCovariance:
         self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray, residuals: np.ndarray
     ) -> float:
         """After the update by `gain` (6 + N, n); returns the NIS of its `residuals` (n,)."""
-        nis = normalised_innovation_squared(self._joint.matrix, rows, noise, residuals)
-        self._joint.correct(gain, rows, (gain * noise) @ gain.T)
-        return nis
+        spread = self._joint.correct(gain, rows, gain * noise) @ rows.T
+        spread.flat[:: len(noise) + 1] += noise
+        return float(residuals @ np.linalg.solve(spread, residuals))
