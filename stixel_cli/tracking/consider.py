@@ -61,13 +61,15 @@ class JointCovariance:
         kept = kept[:, None] * kept
         self.matrix = kept * self.matrix + (1.0 - kept) * self._initial
 
-    def correct(self, gain: np.ndarray, rows: np.ndarray, spread: np.ndarray) -> None:
-        """After an update by `gain` (d, n) with `rows` A (n, d + m); the `spread` is K R Kᵀ."""
-        # Factor by factor and symmetric: the sum of the three terms loses its definiteness.
-        self.matrix[: self.size] -= gain @ (rows @ self.matrix)
-        self.matrix[:, : self.size] -= (self.matrix @ rows.T) @ gain.T
-        self.matrix[: self.size, : self.size] += spread
-        self.matrix = 0.5 * (self.matrix + self.matrix.T)
+    def correct(self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray) -> None:
+        """After an update by `gain` K (d, n) with `rows` A (n, d + m); `noise` (d, n) is K R."""
+        # Factor by factor: the sum of the three terms loses its definiteness.
+        size = self.size
+        self.matrix[:size] -= gain @ (rows @ self.matrix)
+        left = self.matrix[:size] @ rows.T - noise
+        states = self.matrix[:size, :size] - left @ gain.T
+        self.matrix[:size, :size] = 0.5 * (states + states.T)
+        self.matrix[size:, :size] = self.matrix[:size, size:].T
 
 
 def node_weights(angles: np.ndarray) -> np.ndarray:

@@ -61,7 +61,7 @@ class StatedCovariance:
         """
         rows = np.zeros((1, len(self._joint.matrix)))
         rows[0, : len(row)] = row
-        self._joint.correct(gain[:, None], rows, np.outer(std**2 * gain, gain))
+        self._joint.correct(gain[:, None], rows, std**2 * gain[:, None])
 
     @property
     def position(self) -> np.ndarray:
@@ -83,12 +83,12 @@ class StatedCovariance:
         own += (squares - along**2) * rays.across_variances
         directions = model.directions @ rotation(mean[2])
         angles = np.arctan2(directions[:, 1], directions[:, 0])
-        limbs = [self._side.between(angles, limb) for limb in self._limbs]
+        limbs = model.rows[0][:, 6:] @ self._limbs.T
         # Of what the process leaves out, neighbours share a part as large as each point's own.
         rough = self._side.roughness**2 * squares
         field = np.copysign(np.sqrt(rough + (shape_stds * along) ** 2), along)
         considered = [
-            np.reshape(limbs, (len(limbs), len(angles))).T,
+            limbs,
             field[:, None] * field_weights(angles),
             np.einsum("ni,nij->nj", gradients, rays.shared),
         ]
@@ -100,5 +100,5 @@ class StatedCovariance:
     ) -> float:
         """After the update by `gain` (6 + N, n); returns the NIS of its `residuals` (n,)."""
         nis, _ = normalised_innovation_squared(self._joint.matrix, rows, noise, residuals)
-        self._joint.correct(gain, rows, (gain * noise) @ gain.T)
+        self._joint.correct(gain, rows, gain * noise)
         return nis

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+from numba import njit
 
 from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import rotation
@@ -27,7 +28,6 @@ from stixel_cli.tracking.contour.contour_rays import FACES, Rays, at_heights, ra
 from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, expected
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise
-from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Scan
 from stixel_cli.tracking.prior import PriorShape, prior_radii
@@ -145,23 +145,11 @@ class OneSide:
         model = linearise(rays.points_world[candidates], mean, self._process)
         weights = 1.0 / (1.0 + (model.residuals / TAIL) ** 2)
         main = labels == np.bincount(labels, weights).argmax()
-        slopes, residuals = model.pose_matrix[main], model.residuals[main]
-        placed = residuals
-        for _ in range(2):
-            # The noise of a Cauchy distribution, at the last residuals.
-            noise = PLACING_STD**2 * (1.0 + (placed / TAIL) ** 2)
-            step, posterior, _ = correct(covariance[:3, :3], slopes, noise, residuals)
-            placed = residuals - slopes @ step
+        step, posterior = placed(model.pose_matrix[main], model.residuals[main], covariance)
         residuals = model.residuals - model.pose_matrix @ step
         variances = ((model.pose_matrix @ posterior) * model.pose_matrix).sum(axis=1)
-        stds = np.sqrt(np.maximum(variances, 0.0))
-        reach = np.where(main, REACH + stds, REACH_BESIDE)
+        reach = np.where(main, REACH + np.sqrt(variances), REACH_BESIDE)
         return candidates[(residuals < reach) & (residuals > -2.0 * reach)]
-
-    def between(self, angles: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """`values` (N,) at the basis angles, at `angles` (n,) rad: linear between."""
-        around = np.append(self.basis_angles, 2.0 * np.pi)
-        return np.interp(angles % (2.0 * np.pi), around, np.append(values, values[0]))
 
     def _arms(self, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The radii (N,) m of the contour of a `mean`, and their directions (N, 2) in the world."""
@@ -227,6 +215,42 @@ class OneSide:
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + END_STD**2)
         return mean + gain * apart.mean(), gain, row, END_STD
+
+
+def placed(
+    slopes: np.ndarray, residuals: np.ndarray, covariance: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far a robust fit of `residuals` (n,) m moves a pose (3,), and its covariance (3, 3).
+
+    `slopes` (n, 3) are the derivatives by the pose, `covariance` (3 or more, …) is that before.
+    """
+    step, posterior = np.zeros(3), np.empty((3, 3))
+    _place(step, posterior, slopes, residuals, covariance)
+    return step, posterior
+
+
+@njit(cache=True)
+def _place(step, posterior, slopes, residuals, covariance):
+    """Write `placed`: twice, with a Cauchy distribution's noise, at the last residuals."""
+    spread, found = np.empty(3), np.zeros(3)
+    for _ in range(2):
+        posterior[:], found[:] = covariance[:3, :3], 0.0
+        for i in range(len(residuals)):
+            away, innovation = residuals[i], residuals[i]
+            for j in range(3):
+                away -= slopes[i, j] * step[j]
+                innovation -= slopes[i, j] * found[j]
+                spread[j] = 0.0
+                for k in range(3):
+                    spread[j] += posterior[j, k] * slopes[i, k]
+            variance = PLACING_STD**2 * (1.0 + (away / TAIL) ** 2)
+            for j in range(3):
+                variance += slopes[i, j] * spread[j]
+            for j in range(3):
+                found[j] += spread[j] / variance * innovation
+                for k in range(3):
+                    posterior[j, k] -= spread[j] / variance * spread[k]
+        step[:] = found
 
 
 def size_slopes(outline: np.ndarray) -> np.ndarray:

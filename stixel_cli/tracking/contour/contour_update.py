@@ -156,7 +156,7 @@ class Measurement:
         likelihood += np.log(gate_widths(self.rays, self._tracker)).sum()
         missed = np.minimum(rows.insides, 0.0) ** 2 / measured.miss_variances
         joint = joint.copy()
-        joint.correct(gain, matrix, (gain * noise) @ gain.T)
+        joint.correct(gain, matrix, gain * noise)
         return replace(
             prior,
             state=(found.mean, found.covariance, joint),
