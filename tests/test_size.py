@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_518
+TOTAL = 45_499
 """Greatest number of lines in all."""
 
 MODULES = 244
@@ -32,7 +32,7 @@ BUDGET = {
     "geometry": 412,
     "live": 617,
     "machine": 179,
-    "measurements": 1785,
+    "measurements": 1787,
     "pictures": 1385,
     "recordings": 2606,
     "rendering": 2083,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2050,
     "studies": 1619,
     "sweeps": 1992,
-    "tracking": 6580,
+    "tracking": 6559,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
