@@ -32,7 +32,7 @@ BUDGET = {
     "geometry": 412,
     "live": 617,
     "machine": 179,
-    "measurements": 1785,
+    "measurements": 1787,
     "pictures": 1385,
     "recordings": 2606,
     "rendering": 2083,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2050,
     "studies": 1619,
     "sweeps": 1992,
-    "tracking": 6414,
+    "tracking": 6559,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from stixel_cli.geometry.pose import wrap_angle
+
 GAP = 0.7
 """Stixels of one object have a neighbour this near, m, if nothing is uncertain."""
 
@@ -33,12 +35,12 @@ def distances(points_ego: np.ndarray, covariances_ego: np.ndarray, gap: float = 
     Along the ray a step counts in units of `gap` and the standard deviation of the difference,
     across it, where bearings are exact, in units of `gap`. So far objects, whose depth is
     uncertain, do not break up, and those next to each other do not merge. Points (n, 2) m are from
-    the camera, covariances (n, 2, 2) in m², `gap` in m.
+    the sensor, covariances (n, 2, 2) in m², `gap` in m.
     """
     ranges = np.hypot(*points_ego.T)
     bearings = np.arctan2(points_ego[:, 1], points_ego[:, 0])
     along = points_ego / np.maximum(ranges, 1e-9)[:, None]
     variances = np.einsum("ni,nij,nj->n", along, covariances_ego, along)
     steps = (ranges[:, None] - ranges) ** 2 / (gap**2 + variances[:, None] + variances)
-    across = (bearings[:, None] - bearings) * np.minimum(ranges[:, None], ranges)
+    across = wrap_angle(bearings[:, None] - bearings) * np.minimum(ranges[:, None], ranges)
     return np.sqrt(steps + (across / gap) ** 2)

@@ -1,7 +1,7 @@
 """Clusters that are followed over the scans, and the state of a road user from one of them.
 
 Bar-Shalom, Li 1995, *Multitarget-Multisensor Tracking*: constant velocity, chi-square gates,
-global nearest neighbour, begin by M of N.
+global nearest neighbour.
 """
 
 from collections.abc import Sequence
@@ -11,10 +11,11 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_covariances, rotation
+from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.clusters import GAP, cluster
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
+from stixel_cli.scene.parameters import CLASS_ROWS
 from stixel_cli.tracking.association import gate
 from stixel_cli.tracking.kalman import mixture, update
 from stixel_cli.tracking.motion import (
@@ -26,21 +27,16 @@ from stixel_cli.tracking.motion import (
 )
 from stixel_cli.tracking.track import InitialState
 
-RAYS_APART, WIDEST = 2.0, 3.0
-"""Points of one object are this many distances of neighbouring rays apart, at most `WIDEST` m: a
-sparse lidar's rays are far apart on a distant target, and farther where they graze it."""
+RAYS_APART = 2.0
+"""Points of one object are this many distances of neighbouring rays apart: a sparse lidar's rays
+are far apart on a distant target, and farther where they graze it."""
 
 GATE = 0.99
 """Chi-square probability of a cluster's distance to a prediction."""
 
-BEGIN, WINDOW = 3, 4
-"""A track begins if so many of so many scans in a row have its cluster."""
-
-END = 5
-"""A track ends after so many scans in a row without its cluster."""
-
-PAIR = 1e3
-"""More than the costs of any assignment."""
+BEGIN, END = 3, 5
+"""A road user moves if so many scans in a row show it. A track ends after so many without its
+cluster."""
 
 PLACE = 0.3
 """Standard deviation of a cluster's centroid from scan to scan, m: another part is seen."""
@@ -51,9 +47,6 @@ ACCELERATION = 3.0
 LARGEST = 1.6
 """A cluster of a road user is at most this many times the class's diagonal long."""
 
-SEEN = 0.8
-"""A side is seen whole if the points extend over this share of it."""
-
 OF_SENSOR = 0.05
 """A road user is faster than `LEAST_SPEED` plus this share of the sensor's speed: the error of the
 sensor's motion moves all that stands still."""
@@ -62,11 +55,11 @@ CERTAIN = 12.0
 """A road user's speed is so many times its standard error. With 8, six clips of tuning data
 have five more tracks."""
 
-LEAST_SCANS = 6
-"""A road user that moves is in so many scans, or more."""
+LEAST_SCANS = 2 * BEGIN
+"""A road user that moves is in so many scans, or more: from the first half it has a speed."""
 
-UNKNOWN_SPEED = 10.0
-"""Standard deviation of a velocity that the scans do not show, m/s."""
+UNKNOWN_SPEED = max(row.speed for row in CLASS_ROWS.values())
+"""Standard deviation of a velocity that the scans do not show, m/s: of any class."""
 
 
 Degrees = Annotated[float, Ge(-180), Le(180)]
@@ -134,9 +127,7 @@ class OpenTrack:
 
     def is_alive(self, k: int) -> bool:
         """Whether it may have a cluster in scan `k`, later than those that it has."""
-        ks = [*self.rows]
-        begun = any(last - first < WINDOW for first, last in zip(ks, ks[BEGIN - 1 :], strict=False))
-        return k - ks[-1] <= END if begun else k - ks[0] < WINDOW or k - ks[-1] == 1
+        return k - max(self.rows) <= (END if len(self.rows) >= BEGIN else 1)
 
     def at(self, ks: Sequence[int]) -> "OpenTrack":
         """The track in the scans `ks`."""
@@ -167,16 +158,14 @@ def least_speed(of_sensor: float) -> float:
 
 def clusters_of(scans: Scans, k: int, longest: float) -> list[np.ndarray]:
     """Rows (n,) of the scans' arrays of each cluster of scan k that is at most `longest` m long."""
-    rows, pose = scans.rows(k), scans.sensor_poses_world[k]
-    points = ego_from_world(scans.points_world[rows], pose)
-    covariances = rotate_covariances(scans.covariances_world[rows], STRAIGHT_AHEAD - pose[2])
-    gap = GAP
-    if len(points) > 1:
-        apart = np.median(np.diff(np.sort(np.arctan2(points[:, 0], points[:, 1]))))
-        gap = max(GAP, min(RAYS_APART * apart * np.median(np.hypot(*points.T)), WIDEST))
-    labels = cluster(points, covariances, gap)
+    rows = scans.rows(k)
+    offsets = scans.points_world[rows] - scans.sensor_poses_world[k, :2]
+    apart = np.diff(np.sort(np.arctan2(offsets[:, 1], offsets[:, 0])))
+    ranges = np.hypot(*offsets.T)
+    gap = RAYS_APART * np.median(apart) * np.median(ranges) if len(apart) else 0.0
+    labels = cluster(offsets, scans.covariances_world[rows], max(gap, GAP))
     found = [np.flatnonzero(labels == one) for one in range(labels.max(initial=-1) + 1)]
-    return [own + rows.start for own in found if np.hypot(*np.ptp(points[own], axis=0)) <= longest]
+    return [own + rows.start for own in found if np.hypot(*np.ptp(offsets[own], axis=0)) <= longest]
 
 
 def follow(scans: Scans, sizes: np.ndarray) -> list[OpenTrack]:
@@ -241,7 +230,7 @@ def assign(
         away = np.array(places) - mean[:2]
         squared = np.sum(away * np.linalg.solve(spread, away[..., None])[..., 0], axis=1)
         near = squared <= gate(GATE, 2)
-        row[near] = squared[near] + np.log(np.linalg.det(spread[near])) - PAIR
+        row[near] = squared[near] + np.log(np.linalg.det(spread[near])) - 1e3
     found = zip(*linear_sum_assignment(costs), strict=True)
     return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
 
@@ -314,14 +303,12 @@ def _centre(
 ) -> np.ndarray:
     """Centre (2,) m of a rectangle of `size` (2,) m whose sides to the sensor have the points.
 
-    Along each axis of the rectangle: in the middle of the points if they extend over the side, or
-    if the sensor is between them; else half a side behind the nearest points.
+    Along each axis of the rectangle: half a side behind the nearest points, or in their middle if
+    the sensor is between them.
     """
     turn = rotation(heading)
     points, sensor = points_world @ turn, sensor_world @ turn
     low, high = np.quantile(points, [0.1, 0.9], axis=0)
-    whole = high - low >= SEEN * size
-    nearest_high, nearest_low = ~whole & (sensor > high), ~whole & (sensor < low)
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    centre = np.where(nearest_high, high - 0.5 * size, centre)
-    return turn @ np.where(nearest_low, low + 0.5 * size, centre)
+    centre = np.where(sensor > high, high - 0.5 * size, centre)
+    return turn @ np.where(sensor < low, low + 0.5 * size, centre)

@@ -11,15 +11,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.tracking.followed import BEGIN, END, assign, follow
+from stixel_cli.tracking.followed import BEGIN, END, LEAST_SCANS, assign, follow
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.several import clusters
-from stixel_cli.tracking.several.clusters import (
-    LEAST_SCANS,
-    confirmed,
-    find_tracks,
-    free_and_occupied,
-)
+from stixel_cli.tracking.several.clusters import confirmed, find_tracks, free_and_occupied
 from stixel_cli.tracking.several.track_each import own_scans, track_each
 
 CONFIGURATION = compose(["start=scans", "tracker=box"]).configuration
@@ -91,13 +86,13 @@ def seen_in(scans_seen, count):
     ("seen", "scans"),
     [
         ({3, 4}, []),
-        ({3, 4, 6}, [[3, 6]]),
-        ({3, 6}, []),
+        ({3, 4, 5}, [[3, 5]]),
+        ({3, 4, 6}, []),
         (set(range(2, 8)) | set(range(8 + END, 20)), [[2, 7], [8 + END, 19]]),
         (set(range(2, 8)) | set(range(7 + END, 20)), [[2, 19]]),
     ],
 )
-def test_a_track_begins_by_m_of_n_and_ends_without_clusters(seen, scans):
+def test_a_track_begins_without_a_gap_and_ends_without_clusters(seen, scans):
     assert BEGIN == 3
     tracks = [one for one in follow(seen_in(seen, 20), SIZES) if len(one.rows) >= BEGIN]
     assert [[min(one.rows), max(one.rows)] for one in tracks] == scans
@@ -183,10 +178,10 @@ def test_a_fence_that_slides_along_is_no_track(parts):
 @pytest.mark.parametrize(
     ("counts", "number"),
     [
-        ([(9, 0)] * 8, 5),  # as soon as the speed is certain
-        ([(9, 0)] * 3 + [(0, 0)] * 6 + [(1, 0)] * 3, 12),  # free places in three of four scans
-        ([(9, 0)] * 2 + [(9, 9)] * 8, None),  # a few of the places are free
-        ([(0, 0), (9, 0)] * 8, None),
+        ([(9, 2)] * 8, 5),  # as soon as the speed is certain
+        ([(9, 0)] * 2 + [(0, 0)] + [(1, 0)] * 3, 8),  # free places in three scans in a row
+        ([(9, 0)] * 2 + [(9, 3)] * 8, None),  # a few of the places are free
+        ([(0, 0), (9, 0), (9, 0)] * 8, None),
         ([(0, 0)] * 12, None),
     ],
 )

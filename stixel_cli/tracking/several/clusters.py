@@ -17,8 +17,6 @@ from stixel_cli.tracking.contour.class_size import possible_sizes
 from stixel_cli.tracking.followed import (
     BEGIN,
     LARGEST,
-    LEAST_SCANS,
-    WINDOW,
     OpenTrack,
     ScansStart,
     diagonal,
@@ -38,11 +36,6 @@ FREE = 4.0
 ACROSS = 0.5
 """A ray passes a place at this distance, m. With 0.7 a car that comes towards the ego is found 3 to
 7 scans later."""
-
-SHADOW = 1.0
-"""Behind an object so far from its points, across the rays, m, points at its edges have a depth
-between that of the object and that of the background. With 0 no car that comes towards the ego is
-found."""
 
 
 def find_tracks(scans: Scans, prior: PriorShape, start: ScansStart) -> tuple[FoundTrack, ...]:
@@ -100,21 +93,22 @@ def _joined(one: OpenTrack, other: OpenTrack) -> OpenTrack:
 def confirmed(scans: Scans, one: OpenTrack, sizes: np.ndarray) -> int | None:
     """The first scan up to which a track moves like a road user.
 
-    It is fast enough, and the places that it left are free in `BEGIN` of the last `WINDOW` scans.
-    None for a track that may be a static object, with the errors of the sensor's motion, or a part
-    of one. `sizes` (n, 2) m are those of the class.
+    In `BEGIN` of its scans, one after the other, it is fast enough, and the places that it left are
+    free. None for a track that may be a static object, with the errors of the sensor's motion, or a
+    part of one. `sizes` (n, 2) m are those of the class.
     """
-    ks, rows = [*one.rows], [*one.rows.values()]
-    recent = [slice(max(0, n - RECENT), n) for n in range(len(ks) + 1)]
-    fast = [n for n in range(LEAST_SCANS - 1, len(ks)) if one.at(ks[recent[n + 1]]).is_fast(scans)]
-    counts = np.zeros((len(ks), 2), dtype=np.int64)
-    for n in range(1, fast[-1] + 1 if fast else 0):
-        before = np.concatenate(rows[recent[n]])
-        counts[n] = free_and_occupied(scans, ks[n], rows[n], before, diagonal(sizes))
-        free, occupied = counts.sum(axis=0)
-        scans_with_free = np.sum(counts[max(0, n + 1 - WINDOW) : n + 1, 0] > 0)
-        if n in fast and scans_with_free >= BEGIN and free > FREE * occupied:
-            return ks[n]
+    ks, moving = [*one.rows], 0
+    for last in range(BEGIN, len(ks)):
+        recent = one.at(ks[max(0, last + 1 - RECENT) : last + 1])
+        free, occupied = 0, 0
+        if recent.is_fast(scans):
+            *before, own = recent.rows.values()
+            free, occupied = free_and_occupied(
+                scans, ks[last], own, np.concatenate(before), diagonal(sizes)
+            )
+        moving = moving + 1 if free > FREE * occupied else 0
+        if moving == BEGIN:
+            return ks[last]
     return None
 
 
@@ -134,25 +128,23 @@ def free_and_occupied(
         before: rows (m,) of the cluster in earlier scans.
         length: of an object, m: nearer to the cluster, a point may be of the object itself.
     """
-    rows, pose = np.arange(scans.rows(k).start, scans.rows(k).stop), scans.sensor_poses_world[k]
-    apart = scans.points_world[before, None] - scans.points_world[own]
-    left_by = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1)
-    # A cluster has left the places that would not belong to it now.
-    before, left_by = before[left_by > GAP], left_by[left_by > GAP]
+    from scipy.spatial import cKDTree
+
+    rows, pose = np.arange(*scans.offsets[k : k + 2]), scans.sensor_poses_world[k]
+    left_by, _ = cKDTree(scans.points_world[own]).query(scans.points_world[before])
     places, points = (_seen_from(scans, pose, these) for these in (before, rows))
-    view = scans.field_of_view
-    inside = np.ones(len(before), bool)
+    # A cluster has left the places that would not belong to it now.
+    chosen, view = left_by > GAP, scans.field_of_view
     if view is not None:
-        inside = (places[1] > view.right) & (places[1] < view.left)
-    (ranges, bearings, variances), left_by = places[:, inside], left_by[inside]
-    behind = points[0] - ranges[:, None]
-    across = np.abs(wrap_angle(points[1] - bearings[:, None])) * ranges[:, None]
-    error = np.sqrt(GAP**2 + 4.0 * (points[2] + variances[:, None]))
-    is_own = np.isin(rows, own)
-    free = ~np.any((across < ACROSS) & (behind < error), axis=1)
-    shaded = np.any((across < SHADOW) & (behind < -error) & is_own, axis=1)
-    at_place = np.any((across < ACROSS) & (np.abs(behind) < error) & ~is_own, axis=1)
-    return int(free.sum()), int(np.sum(at_place & ~shaded & (left_by > length)))
+        chosen &= (places[1] > view.right) & (places[1] < view.left)
+    (ranges, bearings, variances), left_by = places[:, chosen, None], left_by[chosen]
+    near = np.abs(wrap_angle(points[1] - bearings)) * ranges < ACROSS
+    behind, error = points[0] - ranges, np.sqrt(GAP**2 + 4.0 * (points[2] + variances))
+    is_near, is_hidden = (
+        np.any(near & which, axis=1) for which in (behind < error, behind < -error)
+    )
+    is_met = np.any(near & (np.abs(behind) < error) & ~np.isin(rows, own), axis=1)
+    return int(np.sum(~is_near)), int(np.sum(is_met & ~is_hidden & (left_by > length)))
 
 
 def _seen_from(scans: Scans, pose_world: np.ndarray, rows: np.ndarray) -> np.ndarray:
