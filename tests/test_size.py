@@ -12,14 +12,14 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_514
+TOTAL = 45_515
 """Greatest number of lines in all."""
 
 MODULES = 244
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1462,
+    "": 1463,
     "answers": 1347,
     "benchmark": 1002,
     "calibration": 559,
