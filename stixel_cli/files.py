@@ -179,40 +179,35 @@ def _check_nodes(text: str, file: Path, most: int) -> None:
     import yaml
 
     total = 0
-    sizes: dict[str, int] = {}  # Number of values of each anchor.
+    sizes: dict[str | None, int] = {}  # Number of values of each anchor.
     # Of each open collection: anchor, total before, keys of a mapping, and number of its nodes.
     started: list[list[Any]] = []
     # Events come one at a time: the parser does not recurse here, the loader does.
     for event in yaml.parse(text, _loader()):
-        if isinstance(event, yaml.NodeEvent) and started and started[-1][2] is not None:
-            keys, name = started[-1][2], getattr(event, "value", None)
-            # A mapping has a key, its value, the next key, …
-            if started[-1][3] % 2 == 0 and name is not None:
-                if name in keys:
-                    line = event.start_mark.line + 1
-                    raise UserError(f"{file}: line {line}: {name[:40]}: is given twice")
-                keys.add(name)
-            started[-1][3] += 1
         if isinstance(event, yaml.CollectionEndEvent):
             anchor, before, *_ = started.pop()
-            if anchor is not None:
-                sizes[anchor] = total - before
-        elif isinstance(event, yaml.CollectionStartEvent):
-            keys = set() if isinstance(event, yaml.MappingStartEvent) else None
-            started.append([event.anchor, total, keys, 0])
-            sizes.pop(event.anchor, None)
-            total += 1
-        elif isinstance(event, yaml.AliasEvent):
-            if event.anchor not in sizes:
-                name = event.anchor[:40]
-                raise UserError(f"{file}: *{name}: an alias of itself, or of nothing")
-            total += sizes[event.anchor]
-        elif isinstance(event, yaml.ScalarEvent):
-            total += 1
-            if event.anchor is not None:
-                sizes[event.anchor] = 1
-            if _LONG_NUMBER.fullmatch(event.value):
-                raise UserError(f"{file}: a number of {len(event.value)} characters")
+            sizes[anchor] = total - before
+        elif isinstance(event, yaml.NodeEvent):
+            anchor, value = event.anchor, getattr(event, "value", None)
+            if started and started[-1][2] is not None:
+                # A mapping has a key, its value, the next key, …
+                if started[-1][3] % 2 == 0 and value is not None:
+                    if value in started[-1][2]:
+                        line = event.start_mark.line + 1
+                        raise UserError(f"{file}: line {line}: {value[:40]}: is given twice")
+                    started[-1][2].add(value)
+                started[-1][3] += 1
+            if isinstance(event, yaml.AliasEvent) and anchor not in sizes:
+                raise UserError(f"{file}: *{anchor[:40]}: an alias of itself, or of nothing")
+            if value is not None and _LONG_NUMBER.fullmatch(value):
+                raise UserError(f"{file}: a number of {len(value)} characters")
+            total += sizes[anchor] if isinstance(event, yaml.AliasEvent) else 1
+            if isinstance(event, yaml.CollectionStartEvent):
+                keys = set() if isinstance(event, yaml.MappingStartEvent) else None
+                started.append([anchor, total - 1, keys, 0])
+                sizes.pop(anchor, None)
+            elif value is not None:
+                sizes[anchor] = 1
         if len(started) > DEEPEST:
             raise UserError(f"{file}: nested more than {DEEPEST} levels deep")
         if total > most:
@@ -275,15 +270,13 @@ def read_arrays(file: Path, texts: dict[str, str] | None = None) -> "dict[str, n
                 if len({member.filename for member in members}) < len(members):
                     raise UserError(f"{file}: two of its arrays have one name")
                 for member in members:
-                    name = ascii(member.filename)
-                    if member.flag_bits & 1:
-                        raise UserError(f"{file}: {name} is encrypted")
-                    if member.compress_type not in methods:
-                        other = "is compressed by a method other than deflate"
-                        raise UserError(f"{file}: {name} {other}")
+                    if member.flag_bits & 1 or member.compress_type not in methods:
+                        fault = "is encrypted, or compressed by a method other than deflate"
+                        raise UserError(f"{file}: {member.filename!a} {fault}")
                 for member in [one for one in members if one.filename in (texts or {})]:
                     if member.file_size > GREATEST_TEXT:
-                        raise UserError(f"{file}: {name} has more than {GREATEST_TEXT} bytes")
+                        fault = f"has more than {GREATEST_TEXT} bytes"
+                        raise UserError(f"{file}: {member.filename!a} {fault}")
                     texts[member.filename] = archive.read(member).decode()
                     members.remove(member)
                 return {m.filename.removesuffix(".npy"): _read_array(archive, m) for m in members}
@@ -318,12 +311,12 @@ def remembered(read: Callable[P, T]) -> Callable[P, T]:
     @wraps(read)
     def read_if_changed(*arguments: Any) -> T:
         files = [argument for argument in arguments if isinstance(argument, Path)]
-        return read_once(arguments, tuple(map(_state, files)))
+        return read_once(arguments, tuple(map(file_state, files)))
 
     return read_if_changed
 
 
-def _state(file: Path) -> tuple[int, int, int] | None:
+def file_state(file: Path) -> tuple[int, int, int] | None:
     """What changes when a file changes; None if it cannot be read, which its reader reports."""
     try:
         stat = os.stat(file)

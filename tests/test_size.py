@@ -12,20 +12,20 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_360
+TOTAL = 45_357
 """Greatest number of lines in all."""
 
 MODULES = 244
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1470,
+    "": 1463,
     "answers": 1347,
     "benchmark": 1002,
     "calibration": 559,
     "cli": 2600,
     "config": 2486,
-    "engine": 4214,
+    "engine": 4219,
     "evaluation": 1595,
     "experiment": 1223,
     "export": 702,
@@ -36,7 +36,7 @@ BUDGET = {
     "pictures": 1385,
     "recordings": 2606,
     "rendering": 2083,
-    "report": 737,
+    "report": 736,
     "results": 1347,
     "scene": 3255,
     "stereo": 451,

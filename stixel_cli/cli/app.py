@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         # Imports make objects that stay: to search them for garbage after every 700 new ones, as is
         # the default, takes a twentieth of a warm run.
-        gc.set_threshold(100_000)
+        gc.set_threshold(500_000)
         # A process that ends need not search its objects for garbage: 0.25 s of a warm run.
         atexit.register(gc.freeze)
     with escaping():

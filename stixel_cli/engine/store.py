@@ -21,7 +21,7 @@ from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
 from stixel_cli.engine.source_files import content_digest
 from stixel_cli.errors import UserError
-from stixel_cli.files import GREATEST_TEXT, read_bytes
+from stixel_cli.files import GREATEST_TEXT, file_state, read_bytes
 
 VALUE = "value.joblib"
 META = "meta.json"
@@ -50,6 +50,7 @@ class Store:
     def __init__(self, folder: Path | str, max_size: int | None = None):
         self.folder = Path(folder)
         self.max_size = max_size
+        self._checked: dict[str, object] = {}  # State of each file whose digest was right.
 
     def entry(self, key: str) -> Path:
         """The folder of a key's entry, which may not exist."""
@@ -172,20 +173,21 @@ class Store:
         return True
 
     def checked(self, key: str) -> bytes | None:
-        """The bytes of a value, None for one to be mapped, with checks and errors as of `load`."""
-        meta = self.meta(key)
-        size = meta.get("size", 0)
-        content = None
+        """The bytes of a value, None for one to be mapped, with checks and errors as of `load`.
+
+        The digest of a file that has not changed since is not computed again.
+        """
+        meta, state = self.meta(key), file_state(self.entry(key) / VALUE)
+        size, known = meta.get("size", 0), self._checked.get(key, ()) == state
+        content, found = None, meta.get("digest")
         if size < MAPPED:
             content = self._read(key, VALUE, size)
-            found, digest = len(content), sha256(content).hexdigest()
-        else:
-            # A shorter file has another digest.
-            found, digest = size, self._read(key, VALUE, size, content_digest)
-        if found != size:
-            raise self._damaged(key, f"it is truncated ({found} bytes)")
-        if digest != meta.get("digest"):
+            found = found if known else sha256(content).hexdigest()
+        elif not known:
+            found = self._read(key, VALUE, size, content_digest)
+        if found != meta.get("digest"):
             raise self._damaged(key, "its content has changed")
+        self._checked[key] = state
         return content
 
     def _read(

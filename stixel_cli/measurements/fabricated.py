@@ -86,7 +86,7 @@ def fabricate_scan(
     rays: Rays,
     rig: Rig,
     measurement: FabricatedParameters,
-    random: np.random.Generator,
+    random: "np.random.Generator",
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 2) m and covariances (n, 2, 2) m² in the world of one scan of `contour_world`."""
     contour_sensor = (contour_world - sensor_pose_world[:2]) @ rotation(sensor_pose_world[2])

@@ -79,7 +79,7 @@ def _scan(
     k: int,
     sensor_pose_world: np.ndarray,
     measurement: LidarParameters,
-    random: np.random.Generator,
+    random: "np.random.Generator",
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (n, 2) m, covariances (n, 2, 2) m² in the world and heights (n,) m of scan `k`."""
     # Noise is drawn for every beam, hit or not, so that an option does not change the remaining

@@ -147,7 +147,7 @@ def measure(
     ranges: np.ndarray,
     rays: Rays,
     rig: Rig,
-    random: np.random.Generator,
+    random: "np.random.Generator",
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rays (n,) that give a point, the ranges (n,) m that they should measure, and those they do.
 
@@ -182,7 +182,7 @@ def measure(
     return ray[seen], true[seen], (true + error)[seen]
 
 
-def _neighbours(noise: FittedNoise, count: int, random: np.random.Generator) -> np.ndarray:
+def _neighbours(noise: FittedNoise, count: int, random: "np.random.Generator") -> np.ndarray:
     """Standard normal numbers (count,) with correlated neighbours, e^(-columns / length).
 
     An exponential correlation of evenly spaced points is a first-order autoregression.
@@ -198,7 +198,7 @@ def _neighbours(noise: FittedNoise, count: int, random: np.random.Generator) -> 
     return np.array(values)
 
 
-def _missed(noise: FittedNoise, count: int, random: np.random.Generator) -> np.ndarray:
+def _missed(noise: FittedNoise, count: int, random: "np.random.Generator") -> np.ndarray:
     """Whether each of `count` points is missed: a Markov chain of two states along the row."""
     drawn = random.random(count)
     if noise.missed_share == 0.0:

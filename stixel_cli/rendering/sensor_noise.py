@@ -89,7 +89,7 @@ def _moved_right(rendered: RenderedFrames, index: int, sensor: Sensor, rig: Rig)
     return map_coordinates(grey, (v, u + error.reshape(u.shape)), order=3, mode="nearest")
 
 
-def _noisy(grey: np.ndarray, sensor: Sensor, random: np.random.Generator) -> bytes:
+def _noisy(grey: np.ndarray, sensor: Sensor, random: "np.random.Generator") -> bytes:
     drawn = random.integers(0, len(normal_quantiles()), grey.shape, dtype=np.uint16)
     grey += normal_quantiles()[drawn] * noise_std(grey, sensor)
     np.clip(np.rint(grey, out=grey), 0, 255, out=grey)

@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
+from itertools import chain
 from typing import Any
 
 from stixel_cli.evaluation.metric_table import METRICS, NO_VALUE, SMOOTHED, main_first, metric
@@ -142,11 +143,9 @@ def filled_page(package: str, name: str, title: str, data: Any, **files: Sequenc
     parts = {mark: "\n".join(map(text, names)) for mark, names in files.items()}
     parts |= {"title": html.escape(title), "data": json_in_html(data)}
     # Split the template once, so that inserted text is never searched for marks.
-    page, *pieces = text(name).split("⟦")
-    for piece in pieces:
-        mark, _, rest = piece.partition("⟧")
-        page += parts[mark] + rest
-    return page
+    first, *pieces = text(name).split("⟦")
+    marks = (piece.partition("⟧") for piece in pieces)
+    return "".join([first, *chain.from_iterable((parts[mark], rest) for mark, _, rest in marks)])
 
 
 def json_in_html(value: Any) -> str:

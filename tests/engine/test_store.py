@@ -89,8 +89,8 @@ def old_notes(entry):
     ("spoil", "reason"),
     [
         (lambda entry: flip(entry / VALUE), "has changed"),
-        (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "truncated"),
-        (lambda entry: (entry / VALUE).write_bytes(b""), "truncated"),
+        (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "changed"),
+        (lambda entry: (entry / VALUE).write_bytes(b""), "changed"),
         (lambda entry: os.truncate(entry / VALUE, 64 * 2**30), "too large"),  # a sparse file
         (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
         (lambda entry: put(Path.mkdir, entry / VALUE), "directory"),
