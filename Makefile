@@ -84,6 +84,7 @@ STUDIES := motions robustness_real $(STUDIES)
 FIGURES := home_away real_data away_figure $(FIGURES)
 endif
 figures: setup
+	$(if $(STIXEL_DATA),$(INSTALL) 'stixel[argoverse]')
 	set -e; for name in $(STUDIES); do $(BIN)/stixel study $$name --fresh cache.max_size=40GB; done
 	$(BIN)/python docs/studies.py $(STUDIES:%=results/%)
 	set -e; for name in $(FIGURES); do $(BIN)/python docs/$$name.py; done
