@@ -74,8 +74,6 @@ def test_one_picture_can_be_drawn_without_the_others(tmp_path, monkeypatch):
 
 def test_pictures_keep_their_size():
     """Scaled down, their letters would be smaller than 10 px."""
-    from PIL import Image
-
     buffer = io.BytesIO()
     Image.new("RGB", (1200, 50), "red").save(buffer, format="png")
     assert Image.open(io.BytesIO(gallery.small_file(buffer.getvalue()))).size == (1200, 50)
@@ -136,11 +134,6 @@ def test_picture(name):
     for command in terminal.PICTURES[name]:
         assert f"$ {command}" in words, f"run python docs/terminal.py {name}"
     assert set(re.findall(r"https?://[^\s\"]+", text)) == {"http://www.w3.org/2000/svg"}
-
-
-def test_overrides_of_the_first_picture_are_valid():
-    for command in terminal.PICTURES["terminal_run"]:
-        check_overrides(read_overrides([w for w in shlex.split(command)[2:] if "=" in w], TYPED))
 
 
 def test_output_has_its_colours_and_errors(tmp_path):

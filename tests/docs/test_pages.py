@@ -242,7 +242,14 @@ def test_function_exists(name):
     assert found.__doc__
 
 
-SCRIPT = Path(__file__).parents[2] / "docs" / "studies.py"
+def test_constants_of_the_theory_are_in_the_code():
+    table = THEORY[0].partition("### Constants of this tracker")[2].partition("\n## ")[0]
+    named = re.findall(r"`([A-Z_]{3,})`", "".join(re.findall(r"^\| (.*?) \|", table, re.M)))
+    folders = (ROOT / "stixel_cli" / name for name in ("tracking", "measurements"))
+    files = (file for folder in folders for file in folder.rglob("*.py"))
+    code = "".join(file.read_text(encoding="utf-8") for file in files)
+    missing = [one for one in named if not re.search(rf"^(\w+, )*{one}\b.*=", code, re.M)]
+    assert named and missing == []
 
 
 def test_pages_have_the_answers_and_the_tables(tmp_path):
@@ -253,7 +260,7 @@ def test_pages_have_the_answers_and_the_tables(tmp_path):
     (folder / "tables/peers-car.md").write_text("| contour | 0.99 |\n")
     study = {"title": "How", "command": "stixel study accuracy", "git": {"revision": "0123456789"}}
     (folder / "study.yaml").write_text(yaml.safe_dump(study))
-    script = runpy.run_path(str(SCRIPT))
+    script = runpy.run_path(str(DOCS / "studies.py"))
     places = script["main"].__globals__
     for name in ("PAGE", "ACCURACY"):
         page = tmp_path / f"{name}.md"

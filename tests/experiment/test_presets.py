@@ -10,7 +10,7 @@ from stixel_cli.config.folders import group_options, outer_options
 DRAWN = {"measurement", "occupancy", "pictures"}
 """Groups whose options show in the pictures of a scan; those of each kind: tests/report."""
 
-PLANNED = {("rig", "kitti_2011_09_26"), ("rig", "kitti_2011_09_30"), ("rig", "long_range")}
+PLANNED = {("rig", rig) for rig in group_options()["rig"] if rig not in ("default", "kitti")}
 PLANNED |= {("renderer", "filament"), ("executor", "dask")}
 """No stage runs of presets of large images that differ from `rig=kitti` in numbers alone, of a
 renderer whose stage is called in `tests/rendering/test_filament.py`, and with Dask, which needs a
