@@ -67,16 +67,10 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
     detect_again = contour_recovery.detect_again
 
     def turned(*arguments):
-        widen = float(arguments[-1])
-        turn = widen * np.radians(70) * np.eye(len(arguments[0].state[0]))[2]
-        return [
-            replace(
-                one,
-                state=(one.state[0] + turn, *one.state[1:]),
-                log_likelihood=one.log_likelihood + 15.0 * widen,
-            )
-            for one in detect_again(*arguments)
-        ]
+        widen, found = float(arguments[-1]), detect_again(*arguments)
+        for one in found:
+            one.state[0][2] += widen * np.radians(70)
+        return [replace(one, log_likelihood=one.log_likelihood + 15.0 * widen) for one in found]
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda scans: len(scans) == 8)
     monkeypatch.setattr(contour_filter, "detect_again", turned)
