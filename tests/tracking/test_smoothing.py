@@ -210,7 +210,7 @@ def test_a_target_that_was_looked_for_again_is_not_smoothed_across(monkeypatch):
 
     def likelier(*arguments):
         found = detect_again(*arguments)
-        return [dataclasses.replace(one, log_likelihood=1e6) for one in found]
+        return [dataclasses.replace(one, log_likelihood=one.log_likelihood + 50.0) for one in found]
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda scans: len(scans) == 10)
     monkeypatch.setattr(contour_filter, "detect_again", likelier)
