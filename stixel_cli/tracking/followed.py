@@ -49,8 +49,8 @@ ACCELERATION = 3.0
 """Process noise, m/s^1.5, as of `tracker=point`. With 1 there are two false tracks."""
 
 LARGEST = 1.6
-"""A cluster of a road user is at most this many times the class's diagonal long. With 1 a car is not
-found, with 2.2 there are two false tracks."""
+"""A cluster of a road user is at most this many times the class's diagonal long. With 1 a car is
+not found, with 2.2 there are two false tracks."""
 
 OF_SENSOR = 0.05
 """A road user is faster than `LEAST_SPEED` plus this share of the sensor's speed: the error of the
