@@ -19,12 +19,12 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.geometry.pose import rotation, target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
-from stixel_cli.tracking.baselines.rectangle_contour import radii_of
+from stixel_cli.tracking.baselines.rectangle_contour import contours_of
 from stixel_cli.tracking.kalman import update
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, predict_place, six_states
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
+from stixel_cli.tracking.track import InitialState, Track
 
 
 @parameters
@@ -56,8 +56,9 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
     """
     mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
     heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
-    half = 0.5 * np.array([prior.length, prior.width])
-    motion, filtered, nis = (tracker.sigma_q, tracker.least_speed), Filtered(scans, 6), np.nan
+    size = np.array([prior.length, prior.width])
+    half, of_size = 0.5 * size, np.diag((size * [prior.length_std, prior.width_std]) ** 2)
+    motion, filtered, nis = (tracker.sigma_q, tracker.least_speed), Filtered(scans, 8), np.nan
     for scan in filtered:
         mean, covariance = predict_place(mean, covariance, scan.interval, tracker.sigma_q)
         states, _ = six_states(mean, covariance, heading, scan.interval, *motion)
@@ -79,16 +80,11 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
             )
         states, spread = six_states(mean, covariance, heading, scan.interval, *motion)
         heading = (states[2], spread[2, 2])
-        filtered.add(states, spread, np.flatnonzero(inside), nis, degrees=2)
-
-    means, covariances = filtered.states
-    angles, directions = contour_directions(means[:, 2])
-    body = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    radii, _ = radii_of(body, 2.0 * half)
-    size = np.hypot(*(body * half * [prior.length_std, prior.width_std]).T)
-    std = np.sqrt(size**2 + shift_variances(directions, covariances))
-    contours = means[:, None, :2] + radii[:, None] * directions, directions, std
-    return replace(filtered.track(contours), uses_scans=tracker.use_scans)
+        whole = np.pad(spread, (0, 2))
+        whole[6:, 6:] = of_size
+        filtered.add(np.append(states, size), whole, np.flatnonzero(inside), nis, degrees=2)
+    track = filtered.track(contours_of(*filtered.states, prior))
+    return replace(track, uses_scans=tracker.use_scans)
 
 
 def visible_centroid(half: np.ndarray, sensor: np.ndarray) -> np.ndarray:
