@@ -19,7 +19,7 @@ MODULES = 244
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1463,
+    "": 1358,
     "answers": 1347,
     "benchmark": 1002,
     "calibration": 559,
@@ -35,7 +35,7 @@ BUDGET = {
     "measurements": 1785,
     "pictures": 1385,
     "recordings": 2606,
-    "rendering": 2083,
+    "rendering": 2188,
     "report": 736,
     "results": 1347,
     "scene": 3255,
