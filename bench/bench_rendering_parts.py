@@ -18,9 +18,9 @@ from bench_raycast import SIZE, motion, preset
 from small import sized
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import encode_png, encode_pnm
 from stixel_cli.rendering import tracing
 from stixel_cli.rendering.frames import DEPTH_STEP
+from stixel_cli.rendering.images import encode_png, encode_pnm
 from stixel_cli.rendering.parameters import RaycastParameters
 from stixel_cli.rendering.placement import numbered_objects, rig_cameras, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame

@@ -22,9 +22,9 @@ from small import sized
 from stixel_cli import StixelStream
 from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import ImageStack, encode_png
 from stixel_cli.recordings.image_files import grey, read_image
 from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.rendering.images import ImageStack, encode_png
 from stixel_cli.stereo.matching import match
 from stixel_cli.stixels.extraction import stixels_of_frame
 from stixel_cli.stixels.free_space import expected_depth, obstacle_base, unknown_rows

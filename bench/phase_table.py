@@ -16,8 +16,8 @@ from small import IMAGES, sized
 from stixel_cli.config.compose import compose
 from stixel_cli.experiment.stages import pipeline_stages
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import ImageStack
 from stixel_cli.rendering.frames import TARGET_ID, StereoPairs
+from stixel_cli.rendering.images import ImageStack
 from stixel_cli.stereo.matching import PHASE_TABLE, match
 from stixel_cli.validation.stage_errors import GROSS
 

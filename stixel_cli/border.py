@@ -1,7 +1,7 @@
 """The border: all that a name from a file could do outside of this process goes through here.
 
 No other module imports by name, unpickles, connects to an address, or opens a file for writing,
-except where `tests/test_border.py` lists it with the reason. A name of code, a folder of pickles
+except where `tests/test_border.py` lists it with the reason. A name of code, a cache
 and an address come with their `Origin`, which decides; a path of output must lie below the folder
 that the command writes: docs/security.md has the rules.
 """
@@ -92,9 +92,8 @@ def imported_file(file: Path, name: str, origin: Origin) -> ModuleType:
     return module
 
 
-def unpickled(file: Path | BinaryIO, origin: Origin, mmap_mode: str | None = None) -> Any:
-    """The object in a joblib file, or in a stream of one; large arrays as memory maps of a file."""
-    _refuse(file, origin)
+def unpickled(file: Path | BinaryIO, mmap_mode: str | None = None) -> Any:
+    """The object in a file of the cache, which was admitted, or a stream; large arrays as maps."""
     # Its import takes as long as a few hundred loads; most commands load nothing.
     return import_module("joblib").load(file, mmap_mode=mmap_mode)
 
@@ -106,12 +105,11 @@ def unpickled_bytes(content: bytes) -> Any:
     return pickle.loads(content)
 
 
-def connected(address: str, origin: Origin, patience: float) -> "Client":
-    """A client of the Dask scheduler at an address; OSError or TimeoutError if it is silent.
+def connected(address: str, patience: float) -> "Client":
+    """A client of the Dask scheduler at an address, admitted before; `patience` is in s.
 
-    `patience` is in s.
+    OSError or TimeoutError if it is silent.
     """
-    _refuse(address, origin)
     client = import_module("distributed").Client
     return client(address, timeout=patience, set_as_default=False)
 

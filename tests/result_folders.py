@@ -5,7 +5,7 @@ import json
 import numpy as np
 import yaml
 
-from stixel_cli.images import encode_png
+from stixel_cli.rendering.images import encode_png
 
 CONFIG = {"seed": 0, "road_user": {"kind": "car", "length": 4.5, "mesh": None}}
 CONFIG |= {"path": {"kind": "turn", "speed": 6.0}}

@@ -32,8 +32,6 @@ TYPES = {
     "studies/run.py": "a sweep equal to that of the study, which was admitted",
     "own_code.py": "the function of a planned node, which was admitted when composed",
     "engine/loaded_code.py": "the function of a planned node, as above",
-    "engine/store.py": "the cache of a planned graph, as above",
-    "engine/dask_pool.py": "the scheduler of a planned graph, as above",
     "results/folder.py": "a folder that this user's command made, by a note in the cache",
 }
 """Modules that call a name typed, as nothing is by default, and what it is."""
@@ -108,6 +106,8 @@ def test_only_the_border_imports_by_name_unpickles_connects_and_writes(nodes):
     calls = {(file, called(node)) for file, node in nodes if isinstance(node, ast.Call)}
     # An entry that nothing needs any more is an error, too.
     assert {(file, name) for file, name in calls if name in names} == {*ALLOWED}
+    callers = {file for file, name in calls if name in {"unpickled", "connected"}}
+    assert callers == {"engine/store.py", "engine/dask_pool.py"}, "admitted with a graph's plan"
 
 
 def test_no_reader_of_files_calls_a_name_typed(nodes):

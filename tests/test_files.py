@@ -14,7 +14,7 @@ from stixel_cli import files
 from stixel_cli.border import write_whole, written
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_arrays, read_json, read_text, read_yaml
-from stixel_cli.images import ImageStack, decode_image, encode_png, encode_pnm
+from stixel_cli.rendering.images import ImageStack, decode_image, encode_png, encode_pnm
 
 
 def test_texts_and_bytes_in_a_folder_that_is_not_there_yet(tmp_path):

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from stixel_cli.border import TYPED, connected, unpickled_bytes
+from stixel_cli.border import connected, unpickled_bytes
 from stixel_cli.engine.errors import ExecutorError, WorkerDied
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
 from stixel_cli.engine.pools import Pool, settle
@@ -171,7 +171,7 @@ def _client(executor: DaskExecutor) -> Iterator["Client"]:
             "executor=local starts processes on this machine"
         )
     try:
-        client = connected(executor.address, TYPED, PATIENCE)
+        client = connected(executor.address, PATIENCE)
     except UNREACHABLE as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         text = f"executor.address: no Dask scheduler at {executor.address} ({reason})"

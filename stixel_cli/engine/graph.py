@@ -257,9 +257,8 @@ def _in_order(stages: Sequence[Stage]) -> dict[str, Stage]:
             if source not in by_name:
                 raise ValueError(f"stage {stage.name} has the unknown input {source}")
     ordered: dict[str, Stage] = {}
-    while len(ordered) < len(by_name):
-        # Keep the given order where the inputs allow it.
-        left = [stage for stage in stages if stage.name not in ordered]
+    # Keep the given order where the inputs allow it.
+    while left := [stage for stage in stages if stage.name not in ordered]:
         ready = next((one for one in left if ordered.keys() >= set(one.inputs.values())), None)
         if ready is None:
             names = ", ".join(stage.name for stage in left)

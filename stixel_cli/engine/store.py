@@ -15,7 +15,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border import TYPED, unpickled
+from stixel_cli.border import unpickled
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
@@ -75,9 +75,9 @@ class Store:
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
         if content is not None:
-            return unpickled(io.BytesIO(content), TYPED)
+            return unpickled(io.BytesIO(content))
         try:
-            return unpickled(self.entry(key) / VALUE, TYPED, mmap_mode="c")
+            return unpickled(self.entry(key) / VALUE, mmap_mode="c")
         except FileNotFoundError:
             raise MissingEntry(key, "not found") from None
 

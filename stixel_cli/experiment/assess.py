@@ -16,12 +16,12 @@ from stixel_cli.evaluation.scan_errors import finite_mean, finite_median
 from stixel_cli.experiment.stages import compared_rows, computed_stages
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.geometry.rig_calibration import RigCalibration
-from stixel_cli.images import encode_png
 from stixel_cli.pictures import style
 from stixel_cli.pictures.camera import painted
 from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.stereo_images import read_left
 from stixel_cli.recordings.tables import read_labels
+from stixel_cli.rendering.images import encode_png
 from stixel_cli.report.assess import ERROR_MAP, LABELS, Assessment, error_map
 from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 from stixel_cli.stixels.types import FreeSpace, Stixels

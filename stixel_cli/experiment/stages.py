@@ -133,8 +133,9 @@ def _setting(configuration: Configuration, recording: "Recording | None", path: 
 
 def experiment_graph(composition: Composition, builder: GraphBuilder | None = None) -> Graph:
     """The graph of an experiment's nodes; several experiments may share a `builder`."""
+    stages = pipeline_stages(composition)
     builder = builder or GraphBuilder(open_store(composition.configuration.cache).folder)
-    return builder.build(pipeline_stages(composition), composition.scan_count, CHUNK_SIZE)
+    return builder.build(stages, composition.scan_count, CHUNK_SIZE)
 
 
 def compared_rows(composition: Composition, note: Callable[[str], Any]) -> "Rows | None":

@@ -24,10 +24,10 @@ from stixel_cli.experiment.stages import computed_stages, pipeline_stages
 from stixel_cli.export.stx1 import export_stx1
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle, world_from_target
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import encode_png
 from stixel_cli.pictures.camera import WIDEST
 from stixel_cli.pictures.style import depth_colours
 from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.rendering.images import encode_png
 from stixel_cli.results.folder import csv_text, whole_folder, write_whole_folder
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult

@@ -14,9 +14,9 @@ import numpy as np
 
 from stixel_cli.border import write_below
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import encode_png
 from stixel_cli.measurements.parameters import Gates
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.rendering.images import encode_png
 from stixel_cli.scene.parameters import CLASS_ROWS
 from stixel_cli.stixels.types import Stixels
 from stixel_cli.validation.stixel_file import stx1_library

@@ -106,7 +106,7 @@ class FrameStixels:
         UserError without pyStixel-lib, `pip install 'stixel[stx1]'`.
         """
         from stixel_cli.export.stx1 import stixel_world
-        from stixel_cli.images import encode_png
+        from stixel_cli.rendering.images import encode_png
         from stixel_cli.validation.stixel_file import stx1_library
 
         nothing = np.zeros(len(self), dtype=bool)
@@ -134,7 +134,7 @@ class FrameStixels:
         return f"<{len(self)} stixels{span}; {unknown}>"
 
     def _repr_png_(self) -> bytes:
-        from stixel_cli.images import encode_png
+        from stixel_cli.rendering.images import encode_png
 
         return encode_png(self.draw())
 
@@ -284,8 +284,8 @@ def grey_pair(*images: np.ndarray) -> "StereoPairs":
     """Both images as grey values (H, W) uint8, of `FRAME`; ArgumentError if they are not a pair."""
     import cv2
 
-    from stixel_cli.images import eight_bits
     from stixel_cli.rendering.frames import StereoPairs
+    from stixel_cli.rendering.images import eight_bits
 
     if len(images) != 2:
         raise ArgumentError(f"images: must be the left and the right image, got {len(images)}")

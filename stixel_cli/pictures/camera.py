@@ -14,9 +14,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import ImageStack, encode_png, reduced
 from stixel_cli.pictures import style
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
+from stixel_cli.rendering.images import ImageStack, encode_png, reduced
 from stixel_cli.results.pictures import CameraFrames, Pictures
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities

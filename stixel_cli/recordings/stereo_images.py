@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import located
-from stixel_cli.images import ImageStack, eight_bits, encode_pnm
 from stixel_cli.recordings.image_files import grey, read_image, rectified, rgb
 from stixel_cli.recordings.rosbag import read_images
 from stixel_cli.recordings.types import Messages, Rectification
 from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.rendering.images import ImageStack, eight_bits, encode_pnm
 
 
 def read_pairs(

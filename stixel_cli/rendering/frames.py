@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.images import ImageStack, encode_png, encode_pnm
+from stixel_cli.rendering.images import ImageStack, encode_png, encode_pnm
 
 SKY_ID, ROAD_ID, TARGET_ID, BACKGROUND_ID = 0, 1, 2, 3
 

@@ -8,10 +8,10 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from stixel_cli.geometry.rig import Pixels, Rig
-from stixel_cli.images import ImageStack, encode_pnm
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
+from stixel_cli.rendering.images import ImageStack, encode_pnm
 
 
 @parameters

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.images import ImageStack
+from stixel_cli.rendering.images import ImageStack
 
 SUBPIXELS = 16
 """Raw disparities are whole multiples of 1/16 px."""

@@ -12,9 +12,9 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MultipleOf
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import ImageStack
 from stixel_cli.parameters import parameters
 from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.rendering.images import ImageStack
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 
 BLOCK = 16

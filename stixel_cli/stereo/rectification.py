@@ -5,7 +5,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from stixel_cli.images import reduced
+from stixel_cli.rendering.images import reduced
 from stixel_cli.stereo.matching import one_thread
 
 WARNED, REFUSED = 0.5, 2.0

@@ -9,9 +9,9 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_bytes
-from stixel_cli.images import eight_bits
 from stixel_cli.measurements.tables import read_table, refuse_rows
 from stixel_cli.recordings.image_files import GREATEST_SIDE, decoded, rgb
+from stixel_cli.rendering.images import eight_bits
 from stixel_cli.stixels.types import Stixels
 
 OWN = ("left", "right", "top", "base", "disparity", "depth")

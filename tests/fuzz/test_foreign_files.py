@@ -22,12 +22,12 @@ from PIL import Image
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import use_presets
 from stixel_cli.errors import UserError
-from stixel_cli.images import eight_bits
 from stixel_cli.live.pairs import rig_of
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.recordings.image_files import image_size, read_image
+from stixel_cli.rendering.images import eight_bits
 from stixel_cli.scene.mesh_file import load_mesh
 from stixel_cli.tracking.file import FileTrackParameters, track, track_doubts
 

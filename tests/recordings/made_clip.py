@@ -7,10 +7,10 @@ import numpy as np
 from stixel_cli.export.export import labels_text, write_clip
 from stixel_cli.geometry.pose import ego_from_world, rectangle
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import ImageStack
 from stixel_cli.recordings.parameters import KittiTracking, LabelledFolder
 from stixel_cli.recordings.truth import recorded_motion, recorded_scenario
 from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.rendering.images import ImageStack
 from stixel_cli.scene.ego import Turning, ego_motion
 from stixel_cli.scene.scenario import Scenario
 

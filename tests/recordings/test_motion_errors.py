@@ -18,10 +18,10 @@ from stixel_cli.config.folders import real_image_parameters
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.export.export import calibration_text
 from stixel_cli.geometry.rig_calibration import UNKNOWN_STD
-from stixel_cli.images import encode_png
 from stixel_cli.live.stream import StixelStream
 from stixel_cli.recordings.types import Tables
 from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.rendering.images import encode_png
 
 RIG = street_rig()
 CURVE = (-0.5, 0.3, -2.0)

@@ -16,12 +16,12 @@ from stixel_cli.calibration.road_pose import compared_rows, road_pose
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.export.export import calibration_text
-from stixel_cli.images import encode_png
 from stixel_cli.live.pairs import stixels_from_disparity
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import grey, read_disparity, read_image
 from stixel_cli.recordings.kitti_tables import read_labels
 from stixel_cli.recordings.parameters import KittiPair
+from stixel_cli.rendering.images import encode_png
 from stixel_cli.stixels.parameters import FreeSpaceParameters, RigRoad
 from stixel_cli.stixels.road import pitch_factors, road_line
 from stixel_cli.stixels.types import FreeSpace, Stixels

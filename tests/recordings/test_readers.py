@@ -25,7 +25,6 @@ from stixel_cli.config.folders import real_image_parameters
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.export.export import calibration_text
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import grey, image_size, read_image, rgb
 from stixel_cli.recordings.kitti_tables import read_calibration
@@ -33,6 +32,7 @@ from stixel_cli.recordings.rig_files import read_named_calibration
 from stixel_cli.recordings.stereo_images import read_left, read_pairs
 from stixel_cli.recordings.truth import recorded_motion, rocking, slopes
 from stixel_cli.recordings.types import Tables
+from stixel_cli.rendering.images import encode_png
 from stixel_cli.rendering.placement import rig_cameras
 
 

@@ -6,9 +6,9 @@ from constants import with_constants
 from scipy.special import ndtr
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import encode_png
 from stixel_cli.rendering import frames
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
+from stixel_cli.rendering.images import encode_png
 from stixel_cli.rendering.sensor_noise import (
     Sensor,
     add_sensor_noise,

@@ -18,13 +18,13 @@ from report_nouns import (
 )
 
 from stixel_cli.config.compose import compose
-from stixel_cli.images import decode_image
 from stixel_cli.pictures import ground, style
 from stixel_cli.pictures.birds_eye import moving_pictures, track_pictures
 from stixel_cli.pictures.camera import camera_pictures
 from stixel_cli.pictures.over_time import run_pictures
 from stixel_cli.pictures.path_figure import path_figure, spaced_frames
 from stixel_cli.recordings.types import LabelTruth
+from stixel_cli.rendering.images import decode_image
 from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.track import ObjectTrack
 

@@ -10,8 +10,8 @@ from projection import nearest_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import ImageStack
 from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.rendering.images import ImageStack
 from stixel_cli.stereo.disparities import INVALID
 from stixel_cli.stereo.matching import (
     HOLE,

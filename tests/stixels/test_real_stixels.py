@@ -15,10 +15,10 @@ from real_data import real_data
 from stixel_cli.config.folders import values_beside_groups
 from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import ImageStack
 from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.rendering.images import ImageStack
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 from stixel_cli.stereo.matching import match
 from stixel_cli.stixels.extraction import extract_stixels

@@ -9,7 +9,7 @@ from refusals import refused
 
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
-from stixel_cli.images import encode_png
+from stixel_cli.rendering.images import encode_png
 from stixel_cli.validation.stixel_file import read_stixels
 
 OWN = "left,right,top,base,disparity,depth\n"
