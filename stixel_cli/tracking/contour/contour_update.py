@@ -138,7 +138,28 @@ class Measurement:
     def update(self, prior: Hypothesis) -> Hypothesis:
         """The `prior`, updated."""
         mean, covariance, joint = prior.state
+        self._leave_out_hidden_end(mean, covariance, joint)
         return self.posterior(prior, joint, self.fit(mean, covariance, mean))
+
+    def _leave_out_hidden_end(
+        self, mean: np.ndarray, covariance: np.ndarray, joint: JointCovariance
+    ) -> None:
+        """Of two ends that are too near each other, use the one that is less far inside.
+
+        Less is seen of the target than is known of its size: at the other end something hides it,
+        which the scan need not show. So a size that was well seen is not unlearned.
+        """
+        measured, first = self._measured, len(self.rays.ranges)
+        ends = slice(first, first + 2)
+        if not measured.used[ends].all():
+            return
+        rows = rows_at(mean, covariance, measured, self._table)
+        missing, slopes = rows.errors[ends], rows.matrix[ends].sum(axis=0)
+        noise = measured.variances[ends] + measured.across_variances[measured.ends]
+        variance = slopes @ joint.matrix[: joint.size, : joint.size] @ slopes
+        variance += (noise + rows.stds[ends] ** 2).sum()
+        if missing.sum() > self._tracker.gate_std * np.sqrt(variance):
+            measured.used[first + missing.argmax()] = False
 
     def posterior(self, prior: Hypothesis, joint: JointCovariance, found: Fit) -> Hypothesis:
         """The `prior` after an update that is `found`, with the `joint` covariance before it.
