@@ -182,9 +182,8 @@ def _updated(
         mean, *ends = moved
         stated.correct_by_one(*ends)
     model = side.linearised(taken, mean, stated.position)
-    matrix, variances = stated.rows(model, taken, shape_stds[indices], mean)
     mean, covariance, gain, _ = update(mean, covariance, model, variance, tangential=False)
-    return mean, covariance, indices, stated.correct(gain, matrix, variances, model.residuals)
+    return mean, covariance, indices, stated.correct(gain, model, taken, shape_stds[indices])
 
 
 def contours_of(

@@ -10,7 +10,6 @@ class, its limbs, the shape that the sensor sees, and what all scans share.
 import numpy as np
 from scipy.linalg import block_diag
 
-from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_rays import Rays
 from stixel_cli.tracking.gp_ekf_update import Linearisation
@@ -34,12 +33,12 @@ class StatedCovariance:
         of_radii, of_shape = [memory] * len(radii), [FIELD_TIME] * (len(side.limbs) + NODES)
         memories = np.array(of_radii + of_shape + [np.inf] * side.shared_errors)
         self._joint = JointCovariance(block_diag(initial, radii), memories, len(radii))
+        self._moves = slice(self._joint.size, self._joint.size + len(side.limbs))
 
     @property
     def reported(self) -> np.ndarray:
         """Covariance (6 + N, 6 + N) of pose, rates, and radii with the limbs where they are."""
-        size, limbs = self._joint.size, slice(self._joint.size, self._joint.size + len(self._limbs))
-        matrix = self._joint.matrix
+        size, limbs, matrix = self._joint.size, self._moves, self._joint.matrix
         reported = matrix[:size, :size].copy()
         if not len(self._limbs):
             return reported
@@ -54,50 +53,36 @@ class StatedCovariance:
         self._joint.predict(transition(interval), noise, interval)
 
     def correct_by_one(self, gain: np.ndarray, row: np.ndarray, std: float) -> None:
-        """After `gain` (6 + N,) used one scalar of this `std`.
-
-        Its derivatives are the `row` (6 + N,), or (6 + N + L,) with those by the limbs.
-        """
-        rows = np.zeros((1, len(self._joint.matrix)))
-        rows[0, : len(row)] = row
-        self._joint.correct(gain[:, None], rows, std**2 * gain[:, None])
+        """After `gain` (6 + N,) used one scalar of this `std`, with derivatives `row` (6 + N,)."""
+        whole = np.zeros(len(self._joint.matrix))
+        whole[: len(row)], whole[self._moves] = row, self._limbs @ row[6:]
+        self._joint.correct_by_one(gain, whole, std**2)
 
     @property
     def position(self) -> np.ndarray:
         """Covariance (2, 2) m² of the centre."""
         return self._joint.matrix[:2, :2]
 
-    def rows(
-        self, model: Linearisation, rays: Rays, shape_stds: np.ndarray, mean: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """A (n, 6 + N + m) and own variances (n,) m² of the residuals of a scan's used points.
+    def correct(
+        self, gain: np.ndarray, model: Linearisation, rays: Rays, shape_stds: np.ndarray
+    ) -> float:
+        """After the update of the `model` of a scan by `gain` (6 + N, n); returns the NIS.
 
-        `rays` are theirs, `shape_stds` (n,) m the standard deviations of the visible shape, `mean`
-        is the state of the `model`.
+        `rays` are those of its points, `shape_stds` (n,) m the standard deviations of the visible
+        shape.
         """
-        gradients = model.gradients
+        gradients, (matrix, variances) = model.gradients, model.rows
         along = (gradients * rays.directions).sum(axis=1)
         squares = (gradients**2).sum(axis=1)
-        own = (self._side.std_factor * rays.stds * along) ** 2
-        own += (squares - along**2) * rays.across_variances
-        directions = model.directions @ rotation(mean[2])
-        angles = np.arctan2(directions[:, 1], directions[:, 0])
-        limbs = model.rows[0][:, 6:] @ self._limbs.T
         # Of what the process leaves out, neighbours share a part as large as each point's own.
         rough = self._side.roughness**2 * squares
+        own = (self._side.std_factor * rays.stds * along) ** 2 + rough + variances
+        own += (squares - along**2) * rays.across_variances
         field = np.copysign(np.sqrt(rough + (shape_stds * along) ** 2), along)
-        considered = [
-            limbs,
-            field[:, None] * field_weights(angles),
-            np.einsum("ni,nij->nj", gradients, rays.shared),
-        ]
-        matrix, radius_variances = model.rows
-        return np.hstack([matrix, *considered]), own + rough + radius_variances
-
-    def correct(
-        self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray, residuals: np.ndarray
-    ) -> float:
-        """After the update by `gain` (6 + N, n); returns the NIS of its `residuals` (n,)."""
-        spread = self._joint.correct(gain, rows, gain * noise) @ rows.T
-        spread.flat[:: len(noise) + 1] += noise
+        shared = (gradients[:, None] @ rays.shared)[:, 0]
+        weights = field_weights(model.angles)
+        rows = [matrix, matrix[:, 6:] @ self._limbs.T, field[:, None] * weights, shared]
+        rows, residuals = np.hstack(rows), model.residuals
+        spread = self._joint.correct(gain, rows, gain * own) @ rows.T
+        spread.flat[:: len(own) + 1] += own
         return float(residuals @ np.linalg.solve(spread, residuals))

@@ -250,7 +250,7 @@ def test_the_covariance_is_that_of_the_errors_of_many_runs():
         kept, drawn = np.exp(-0.1 / memories), GENERATOR.standard_normal((runs, 2))
         considered = kept * considered + np.sqrt(1.0 - kept**2) * drawn
         gain, rows, variances = spread(2, 3), spread(3, 4), np.array([0.1, 0.2, 0.3])
-        joint.correct(gain, rows, (gain * variances) @ gain.T)
+        joint.correct(gain, rows, gain * variances)
         residuals = np.hstack([errors, considered]) @ rows.T
         residuals += np.sqrt(variances) * GENERATOR.standard_normal((runs, 3))
         errors = errors - residuals @ gain.T
@@ -264,7 +264,7 @@ def test_with_the_optimal_gain_and_nothing_considered_it_is_a_kalman_update():
     innovation = rows @ covariance @ rows.T + np.diag(noise)
     gain = np.linalg.solve(innovation, rows @ covariance).T
     joint = JointCovariance(covariance, np.zeros(0))
-    joint.correct(gain, rows, (gain * noise) @ gain.T)
+    joint.correct(gain, rows, gain * noise)
     np.testing.assert_allclose(joint.matrix, (np.eye(3) - gain @ rows) @ covariance, atol=1e-12)
 
 
