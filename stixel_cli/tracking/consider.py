@@ -79,27 +79,27 @@ class JointCovariance:
         return moved
 
     def correct_by_one(self, gain: np.ndarray, row: np.ndarray, variance: float) -> None:
-        """The same of one scalar of this `variance`: `gain` (d,) and `row` (d + m,)."""
-        _correct_by_one(self.matrix, np.zeros(len(row)), gain, row, variance)
+        """The same of one scalar of this `variance`: `gain` (d,), and `row` (d,) or longer."""
+        _correct_by_one(self.matrix, np.zeros(len(self.matrix)), gain, row, variance)
 
 
 @njit(cache=True)
 def _correct_by_one(matrix, spread, gain, row, variance):
     """`JointCovariance.correct` by one scalar of this `variance`; A J is added to `spread`."""
-    size = len(gain)
     for k in range(len(row)):
         if row[k] != 0.0:
-            for j in range(len(row)):
+            for j in range(len(matrix)):
                 spread[j] += row[k] * matrix[k, j]
-    for i in range(size):
+    for i in range(len(gain)):
         left = -variance * gain[i]
-        for j in range(len(row)):
+        for j in range(len(matrix)):
             matrix[i, j] -= gain[i] * spread[j]
+        for j in range(len(row)):
             left += matrix[i, j] * row[j]
-        for j in range(size):
+        for j in range(len(gain)):
             matrix[i, j] -= left * gain[j]
-    for i in range(size):
-        for j in range(i + 1, len(row)):
+    for i in range(len(gain)):
+        for j in range(i + 1, len(matrix)):
             matrix[j, i] = matrix[i, j]
 
 

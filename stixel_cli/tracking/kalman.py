@@ -18,28 +18,13 @@ def correct(
     which must be far above rounding. In the information form the cost grows with n and not with n³.
     """
     weighted = matrix.T / noise
-    posterior = np.linalg.solve(_scale(covariance, weighted @ matrix), covariance)
+    # The prior's covariance is so many times that of the posterior: I + P Hᵀ R⁻¹ H.
+    scale = covariance @ (weighted @ matrix)
+    scale.flat[:: len(scale) + 1] += 1.0
+    posterior = np.linalg.solve(scale, covariance)
     posterior, pull = 0.5 * (posterior + posterior.T), weighted @ innovation
     correction = posterior @ pull
     return correction, posterior, float(innovation @ (innovation / noise) - pull @ correction)
-
-
-def normalised_innovation_squared(
-    covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
-) -> float:
-    """NIS of an `innovation` (n,); the others as of `correct`."""
-    weighted = matrix.T / noise
-    scale, pull = _scale(covariance, weighted @ matrix), weighted @ innovation
-    return float(
-        innovation @ (innovation / noise) - pull @ np.linalg.solve(scale, covariance @ pull)
-    )
-
-
-def _scale(covariance: np.ndarray, precision: np.ndarray) -> np.ndarray:
-    """I + P Hᵀ R⁻¹ H: the prior's covariance (d, d) is so many times that of the posterior."""
-    scale = covariance @ precision
-    scale.flat[:: len(scale) + 1] += 1.0
-    return scale
 
 
 def update(

@@ -43,8 +43,7 @@ class OneSide:
         radii: (N,) m at the angles of the `process`: of the class's outline in the prior's size, or
             of the prior's shape if the class is unknown.
         radii_covariance: (N, N) m², of the class's sizes and shapes; None if it is unknown.
-        limbs: (L, N) m, independent changes of the radii as the target moves, by one standard
-            deviation each.
+        limb_covariance: (N, N) m², of the changes of the radii as the target moves.
         roughness: m, root mean square of what the process leaves out of the class's outline: its
             corners and wheels are sharper.
         shared_errors: number of the errors that all scans share, of the sensor and of the heights.
@@ -64,7 +63,7 @@ class OneSide:
         self._background = Background()
         self.radii = prior_radii(prior, process.basis_angles)
         self.basis_angles = process.basis_angles
-        self.radii_covariance, self.limbs = None, np.zeros((0, len(self.radii)))
+        self.radii_covariance, self.limb_covariance = None, np.zeros((len(self.radii),) * 2)
         self.std_factor, self.roughness = 1.0, 0.0
         if prior.road_user == "unknown":
             return
@@ -79,20 +78,22 @@ class OneSide:
         self.roughness = float(np.sqrt(np.mean(missed**2)))
         modes = outline_modes(prior.road_user)
         angles = 2.0 * np.pi * np.arange(MODE_ANGLES) / MODE_ANGLES
-        fixed = np.stack([self._at(angles, mode) for mode in modes.fixed])
-        if modes.limbs.any():
-            self.limbs = np.stack([self._at(angles, mode) for mode in modes.limbs])
+        fixed, limbs = (
+            np.reshape([self._at(angles, mode) for mode in group], (-1, len(self.radii)))
+            for group in (modes.fixed, modes.limbs)
+        )
+        self.limb_covariance = limbs.T @ limbs
         stds = np.array([prior.length_std, prior.width_std])
         sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
         self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
-        if seen_by in ("stixels", "lidar"):
-            seen = visible_shape(prior.road_user, seen_by)
-            visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
-            self._tables = visible, outline_table(shape.outline)
-            self._insets = height_insets(prior.road_user)
-            if scans.heights is not None and self._insets is not None:
-                self.shared_errors += FACES
-            self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
+        kind = seen_by if seen_by in ("stixels", "lidar") else "outline"
+        seen = visible_shape(prior.road_user, kind)
+        visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
+        self._tables = visible, outline_table(shape.outline)
+        self._insets = height_insets(prior.road_user)
+        if scans.heights is not None and self._insets is not None:
+            self.shared_errors += FACES
+        self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
 
     def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
         """`values` (n,) at the `bearings` (n,) rad of an outline, at the basis angles (N,)."""
@@ -165,7 +166,7 @@ class OneSide:
         """The `mean` (6 + N,), moved across the rays so that its ends are those of the points.
 
         With the gain (6 + N,), the derivative (6 + N,) of the mean of the ends by the states, and
-        its standard deviation, m. Ranges hardly measure the place across the
+        its variance, m². Ranges hardly measure the place across the
         rays, and the slope of a narrow target's radius holds for a few degrees only. An end at the
         border of the field of view, or beside a nearer object, is not used; None: neither is.
         """
@@ -179,7 +180,7 @@ class OneSide:
         # As if only the place were wrong: the ends do not tell a turn from a shift.
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + END_STD**2)
-        return mean + gain * offset, gain, row, END_STD
+        return mean + gain * offset, gain, row, END_STD**2
 
 
 def size_slopes(outline: np.ndarray) -> np.ndarray:
