@@ -33,8 +33,7 @@ from stixel_cli.tracking.one_side_kernels import apart, fitting
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 
 END_STD = 0.2
-"""Of the places of the first and the last point at the ends of the outline, m. The gain takes it
-for that of their mean, too, of which the variance is half of it."""
+"""Of the places of the first and the last point at the ends of the outline, m."""
 
 
 class OneSide:
@@ -181,7 +180,7 @@ class OneSide:
         # As if only the place were wrong: the ends do not tell a turn from a shift.
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + END_STD**2)
-        return mean + gain * offset, gain, row, END_STD**2 / seen.sum()
+        return mean + gain * offset, gain, row, END_STD**2
 
 
 def size_slopes(outline: np.ndarray) -> np.ndarray:
