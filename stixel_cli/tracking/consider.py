@@ -14,6 +14,9 @@ problems*. The considered errors are not corrected; each is forgotten in its own
 from copy import copy
 
 import numpy as np
+from numba import njit
+
+from stixel_cli.geometry.kernel import returning
 
 NODES = 16
 """Nodes over the outline of what neighbouring points share of a shape's error: 1 m of a car."""
@@ -61,25 +64,54 @@ class JointCovariance:
         kept = kept[:, None] * kept
         self.matrix = kept * self.matrix + (1.0 - kept) * self._initial
 
-    def correct(self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray) -> None:
-        """After an update by `gain` K (d, n) with `rows` A (n, d + m); `noise` (d, n) is K R."""
+    def correct(self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """After an update by `gain` K (d, n) with `rows` A (n, d + m); the `noise` (d, n) is K R.
+
+        Returns A J (n, d + m), of J before it.
+        """
         # Factor by factor: the sum of the three terms loses its definiteness.
-        size = self.size
-        self.matrix[:size] -= gain @ (rows @ self.matrix)
+        size, moved = self.size, rows @ self.matrix
+        self.matrix[:size] -= gain @ moved
         left = self.matrix[:size] @ rows.T - noise
         states = self.matrix[:size, :size] - left @ gain.T
         self.matrix[:size, :size] = 0.5 * (states + states.T)
         self.matrix[size:, :size] = self.matrix[:size, size:].T
+        return moved
+
+    def correct_by_one(self, gain: np.ndarray, row: np.ndarray, variance: float) -> None:
+        """The same of one scalar of this `variance`: `gain` (d,), and `row` (d,) or longer."""
+        _correct_by_one(self.matrix, np.zeros(len(self.matrix)), gain, row, variance)
 
 
-def node_weights(angles: np.ndarray) -> np.ndarray:
+@njit(cache=True)
+def _correct_by_one(matrix, spread, gain, row, variance):
+    """`JointCovariance.correct` by one scalar of this `variance`; A J is added to `spread`."""
+    for k in range(len(row)):
+        if row[k] != 0.0:
+            for j in range(len(matrix)):
+                spread[j] += row[k] * matrix[k, j]
+    for i in range(len(gain)):
+        left = -variance * gain[i]
+        for j in range(len(matrix)):
+            matrix[i, j] -= gain[i] * spread[j]
+        for j in range(len(row)):
+            left += matrix[i, j] * row[j]
+        for j in range(len(gain)):
+            matrix[i, j] -= left * gain[j]
+    for i in range(len(gain)):
+        for j in range(i + 1, len(matrix)):
+            matrix[j, i] = matrix[i, j]
+
+
+@returning(lambda angles: np.zeros((len(angles), NODES)))
+@njit(cache=True)
+def node_weights(weights, angles):
     """Weights (n, 16) of nodes that are even over a turn, at `angles` (n,) rad: linear between."""
-    position = angles * (NODES / (2.0 * np.pi))
-    node = np.floor(position).astype(int)
-    weights, rows = np.zeros((len(angles), NODES)), np.arange(len(angles))
-    weights[rows, node % NODES] = 1.0 - (position - node)
-    weights[rows, (node + 1) % NODES] += position - node
-    return weights
+    for i in range(len(angles)):
+        position = angles[i] * (NODES / (2.0 * np.pi))
+        node = int(np.floor(position))
+        weights[i, node % NODES] = 1.0 - (position - node)
+        weights[i, (node + 1) % NODES] = position - node
 
 
 def field_weights(angles: np.ndarray) -> np.ndarray:

@@ -125,11 +125,11 @@ def track(
             mean, covariance, interval, noise, forgetting, process
         )
         if stated:
-            stated.predict(noise, interval)
+            stated.predict(transition[:6, :6], noise, interval)
         if tracker.slip is not None:
             mean, covariance, *tie = motion.tied_to_velocity(mean, covariance, tracker.slip)
             if stated:
-                stated.correct_by_one(*tie, tracker.slip)
+                stated.correct_by_one(*tie, tracker.slip**2)
         mean, covariance, indices, nis = _updated(
             (mean, covariance), scan, process, (side, stated), tracker
         )
@@ -182,9 +182,9 @@ def _updated(
         mean, *ends = moved
         stated.correct_by_one(*ends)
     model = side.linearised(taken, mean, stated.position)
-    matrix, variances = stated.rows(model, taken, shape_stds[indices], mean)
     mean, covariance, gain, _ = update(mean, covariance, model, variance, tangential=False)
-    return mean, covariance, indices, stated.correct(gain, matrix, variances, model.residuals)
+    nis = stated.correct_by_scan(gain, model, taken, shape_stds[indices])
+    return mean, covariance, indices, nis
 
 
 def contours_of(

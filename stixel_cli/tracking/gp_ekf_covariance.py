@@ -4,23 +4,20 @@ The estimate's gain takes neighbouring points for independent ones, with a noise
 shared error hardly matters. The covariance that goes with that gain alone is too large where the
 errors are small, and too small where they are shared. This is the covariance of the same estimate
 with the errors that are there (`consider.py`): the points' own noise, the size and shape of the
-class, its limbs, the shape that the sensor sees, and what all scans share.
+class, the shape that the sensor sees, in which limbs swing, and what all scans share.
 """
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_rays import Rays
 from stixel_cli.tracking.gp_ekf_update import Linearisation
-from stixel_cli.tracking.kalman import normalised_innovation_squared
-from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.one_side import OneSide
 
 
-class StatedCovariance:
-    """The joint covariance of the state of `gp_ekf` and of the errors that it considers."""
+class StatedCovariance(JointCovariance):
+    """That of the state of `gp_ekf` and of the errors that it considers."""
 
     def __init__(
         self, initial: np.ndarray, radii: np.ndarray, forgetting_rate: float, side: OneSide
@@ -30,75 +27,41 @@ class StatedCovariance:
         Radii that are not seen are forgotten at the `forgetting_rate`, 1/s.
         """
         radii = radii if side.radii_covariance is None else side.radii_covariance
-        self._limbs, self._side = side.limbs, side
+        self._side = side
         memory = 1.0 / forgetting_rate if forgetting_rate else np.inf
-        of_radii, of_shape = [memory] * len(radii), [FIELD_TIME] * (len(side.limbs) + NODES)
+        of_radii, of_shape = [memory] * len(radii), [FIELD_TIME] * NODES
         memories = np.array(of_radii + of_shape + [np.inf] * side.shared_errors)
-        self._joint = JointCovariance(block_diag(initial, radii), memories, len(radii))
+        super().__init__(block_diag(initial, radii), memories, len(radii))
 
     @property
     def reported(self) -> np.ndarray:
         """Covariance (6 + N, 6 + N) of pose, rates, and radii with the limbs where they are."""
-        size, limbs = self._joint.size, slice(self._joint.size, self._joint.size + len(self._limbs))
-        matrix = self._joint.matrix
-        reported = matrix[:size, :size].copy()
-        if not len(self._limbs):
-            return reported
-        cross = matrix[:size, limbs] @ self._limbs
-        reported[:, 6:] += cross
-        reported[6:] += cross.T
-        reported[6:, 6:] += self._limbs.T @ matrix[limbs, limbs] @ self._limbs
-        return 0.5 * (reported + reported.T)
-
-    def predict(self, noise: np.ndarray, interval: float) -> None:
-        """One `interval` in s later; `noise` (6, 6) of pose and rates."""
-        self._joint.predict(transition(interval), noise, interval)
-
-    def correct_by_one(self, gain: np.ndarray, row: np.ndarray, std: float) -> None:
-        """After `gain` (6 + N,) used one scalar of this `std`.
-
-        Its derivatives are the `row` (6 + N,), or (6 + N + L,) with those by the limbs.
-        """
-        rows = np.zeros((1, len(self._joint.matrix)))
-        rows[0, : len(row)] = row
-        self._joint.correct(gain[:, None], rows, std**2 * gain[:, None])
+        reported = self.matrix[: self.size, : self.size].copy()
+        reported[6:, 6:] += self._side.limb_covariance
+        return reported
 
     @property
     def position(self) -> np.ndarray:
         """Covariance (2, 2) m² of the centre."""
-        return self._joint.matrix[:2, :2]
+        return self.matrix[:2, :2]
 
-    def rows(
-        self, model: Linearisation, rays: Rays, shape_stds: np.ndarray, mean: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """A (n, 6 + N + m) and own variances (n,) m² of the residuals of a scan's used points.
+    def correct_by_scan(
+        self, gain: np.ndarray, model: Linearisation, rays: Rays, shape_stds: np.ndarray
+    ) -> float:
+        """After the update of the `model` of a scan by `gain` (6 + N, n); returns the NIS.
 
-        `rays` are theirs, `shape_stds` (n,) m the standard deviations of the visible shape, `mean`
-        is the state of the `model`.
+        `rays` are those of its points, `shape_stds` (n,) m the standard deviations of the visible
+        shape.
         """
-        gradients = model.gradients
+        gradients, (matrix, variances) = model.gradients, model.rows
         along = (gradients * rays.directions).sum(axis=1)
         squares = (gradients**2).sum(axis=1)
-        own = (self._side.std_factor * rays.stds * along) ** 2
+        own = (self._side.std_factor * rays.stds * along) ** 2 + variances
+        own += self._side.roughness**2 * squares
         own += (squares - along**2) * rays.across_variances
-        directions = model.directions @ rotation(mean[2])
-        angles = np.arctan2(directions[:, 1], directions[:, 0])
-        limbs = model.rows[0][:, 6:] @ self._limbs.T
-        # Of what the process leaves out, neighbours share a part as large as each point's own.
-        rough = self._side.roughness**2 * squares
-        field = np.copysign(np.sqrt(rough + (shape_stds * along) ** 2), along)
-        considered = [
-            limbs,
-            field[:, None] * field_weights(angles),
-            np.einsum("ni,nij->nj", gradients, rays.shared),
-        ]
-        matrix, radius_variances = model.rows
-        return np.hstack([matrix, *considered]), own + rough + radius_variances
-
-    def correct(
-        self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray, residuals: np.ndarray
-    ) -> float:
-        """After the update by `gain` (6 + N, n); returns the NIS of its `residuals` (n,)."""
-        nis, _ = normalised_innovation_squared(self._joint.matrix, rows, noise, residuals)
-        self._joint.correct(gain, rows, gain * noise)
-        return nis
+        field = (shape_stds * along)[:, None] * field_weights(model.angles)
+        shared = (gradients[:, None] @ rays.shared)[:, 0]
+        rows, residuals = np.hstack([matrix, field, shared]), model.residuals
+        spread = self.correct(gain, rows, gain * own) @ rows.T
+        spread.flat[:: len(own) + 1] += own
+        return float(residuals @ np.linalg.solve(spread, residuals))

@@ -34,8 +34,10 @@ class Linearisation:
     pose_matrix: np.ndarray
     """(n, 3) derivatives of the radial component of h by x, y and heading."""
     process: ContourProcess
+    directions_target: np.ndarray
+    """(n, 2) of the points in the target's frame."""
     correlations: np.ndarray
-    """(n, N) of the points' directions in the target's frame with those of the `process`."""
+    """(n, N) of these with those of the `process`."""
 
     @property
     def gradients(self) -> np.ndarray:
@@ -44,6 +46,11 @@ class Linearisation:
         The innovation of a point z is v = ‖z - x^c‖ - f(∠(z - x^c) - psi), a scalar.
         """
         return self.pose_matrix[:, :2]
+
+    @property
+    def angles(self) -> np.ndarray:
+        """(n,) rad of the points in the target's frame."""
+        return np.arctan2(self.directions_target[:, 1], self.directions_target[:, 0])
 
     @property
     def tangential_slopes(self) -> np.ndarray:
@@ -72,7 +79,9 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
     correlations = process.correlations(directions_target)
     radii, slopes = process.radius(directions_target, correlations, mean[6:])
     by_pose = pose_derivatives(directions, distances, slopes)
-    return Linearisation(directions, distances, distances - radii, by_pose, process, correlations)
+    return Linearisation(
+        directions, distances, distances - radii, by_pose, process, directions_target, correlations
+    )
 
 
 def update(

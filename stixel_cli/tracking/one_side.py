@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
 from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import rotation
@@ -30,14 +29,8 @@ from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Scan
+from stixel_cli.tracking.one_side_kernels import apart, fitting
 from stixel_cli.tracking.prior import PriorShape, prior_radii
-
-REACH, REACH_BESIDE = 0.5, 0.3
-"""A point this near the contour, m, is the target's: of the segment of neighbouring rays on which
-the contour was placed, and of other segments. Inside the contour it may be twice as far."""
-
-PLACING_STD, TAIL = 0.1, 0.3
-"""Of a point, m, to place the contour on a segment: standard deviation, scale of its heavy tail."""
 
 END_STD = 0.2
 """Of the places of the first and the last point at the ends of the outline, m."""
@@ -50,8 +43,7 @@ class OneSide:
         radii: (N,) m at the angles of the `process`: of the class's outline in the prior's size, or
             of the prior's shape if the class is unknown.
         radii_covariance: (N, N) m², of the class's sizes and shapes; None if it is unknown.
-        limbs: (L, N) m, independent changes of the radii as the target moves, by one standard
-            deviation each.
+        limb_covariance: (N, N) m², of the changes of the radii as the target moves.
         roughness: m, root mean square of what the process leaves out of the class's outline: its
             corners and wheels are sharper.
         shared_errors: number of the errors that all scans share, of the sensor and of the heights.
@@ -71,7 +63,7 @@ class OneSide:
         self._background = Background()
         self.radii = prior_radii(prior, process.basis_angles)
         self.basis_angles = process.basis_angles
-        self.radii_covariance, self.limbs = None, np.zeros((0, len(self.radii)))
+        self.radii_covariance, self.limb_covariance = None, np.zeros((len(self.radii),) * 2)
         self.std_factor, self.roughness = 1.0, 0.0
         if prior.road_user == "unknown":
             return
@@ -86,20 +78,22 @@ class OneSide:
         self.roughness = float(np.sqrt(np.mean(missed**2)))
         modes = outline_modes(prior.road_user)
         angles = 2.0 * np.pi * np.arange(MODE_ANGLES) / MODE_ANGLES
-        fixed = np.stack([self._at(angles, mode) for mode in modes.fixed])
-        if modes.limbs.any():
-            self.limbs = np.stack([self._at(angles, mode) for mode in modes.limbs])
+        fixed, limbs = (
+            np.reshape([self._at(angles, mode) for mode in group], (-1, len(self.radii)))
+            for group in (modes.fixed, modes.limbs)
+        )
+        self.limb_covariance = limbs.T @ limbs
         stds = np.array([prior.length_std, prior.width_std])
         sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
         self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
-        if seen_by in ("stixels", "lidar"):
-            seen = visible_shape(prior.road_user, seen_by)
-            visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
-            self._tables = visible, outline_table(shape.outline)
-            self._insets = height_insets(prior.road_user)
-            if scans.heights is not None and self._insets is not None:
-                self.shared_errors += FACES
-            self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
+        kind = seen_by if seen_by in ("stixels", "lidar") else "outline"
+        seen = visible_shape(prior.road_user, kind)
+        visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
+        self._tables = visible, outline_table(shape.outline)
+        self._insets = height_insets(prior.road_user)
+        if scans.heights is not None and self._insets is not None:
+            self.shared_errors += FACES
+        self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
 
     def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
         """`values` (n,) at the `bearings` (n,) rad of an outline, at the basis angles (N,)."""
@@ -143,18 +137,8 @@ class OneSide:
         """
         labels = segments(rays)[candidates]
         model = linearise(rays.points_world[candidates], mean, self._process)
-        weights = 1.0 / (1.0 + (model.residuals / TAIL) ** 2)
-        main = labels == np.bincount(labels, weights).argmax()
-        step, posterior = placed(model.pose_matrix[main], model.residuals[main], covariance)
-        residuals = model.residuals - model.pose_matrix @ step
-        variances = ((model.pose_matrix @ posterior) * model.pose_matrix).sum(axis=1)
-        reach = np.where(main, REACH + np.sqrt(variances), REACH_BESIDE)
-        return candidates[(residuals < reach) & (residuals > -2.0 * reach)]
-
-    def _arms(self, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The radii (N,) m of the contour of a `mean`, and their directions (N, 2) in the world."""
-        radial = self._process.basis_directions @ rotation(mean[2]).T
-        return np.maximum(mean[6:], 0.0), radial
+        fits = fitting(labels, model.pose_matrix, model.residuals, covariance)
+        return candidates[fits]
 
     def linearised(self, rays: Rays, mean: np.ndarray, position: np.ndarray) -> Linearisation:
         """The model of the points of `rays`, at the places where they most likely were.
@@ -164,9 +148,9 @@ class OneSide:
         where its ray meets the contour, by the point's variance and that of the `position` (2, 2)
         m² along the ray; the residual is that of the point, linear from there.
         """
-        radii, radial = self._arms(mean)
-        contour = mean[:2] + radii[:, None] * radial
-        sensors = np.tile(rays.sensor[:2], (len(rays.directions), 1))
+        corners = np.maximum(mean[6:], 0.0)[:, None] * self._process.basis_directions
+        contour = mean[:2] + corners @ rotation(mean[2]).T
+        sensors = np.full_like(rays.directions, rays.sensor[:2])
         ranges = first_hits(contour, sensors, rays.directions)
         directions, variances = rays.directions, (self.std_factor * rays.stds) ** 2
         of_position = ((directions @ position) * directions).sum(axis=1)
@@ -181,8 +165,8 @@ class OneSide:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float] | None:
         """The `mean` (6 + N,), moved across the rays so that its ends are those of the points.
 
-        With the gain (6 + N,), the derivative (6 + N + L,) of the mean of the ends by the states
-        and the limbs, and its standard deviation, m. Ranges hardly measure the place across the
+        With the gain (6 + N,), the derivative (6 + N,) of the mean of the ends by the states, and
+        its variance, m². Ranges hardly measure the place across the
         rays, and the slope of a narrow target's radius holds for a few degrees only. An end at the
         border of the field of view, or beside a nearer object, is not used; None: neither is.
         """
@@ -191,66 +175,12 @@ class OneSide:
         seen &= ~np.array(rays.hidden)
         if len(rays.ranges) < 2 or not seen.any():
             return None
-        direction = rays.directions.sum(axis=0)
-        direction /= np.hypot(*direction)
-        frame = np.array([direction, [-direction[1], direction[0]]])
-        radii, radial = self._arms(mean)
-        offsets = mean[:2] - rays.sensor[:2] + radii[:, None] * radial
-        ahead, beside = frame @ offsets.T
-        places = beside / ahead
-        far, aside = frame @ rays.directions[ends].T
-        corners = np.array([places.argmin(), places.argmax()])[seen]
-        apart = ((aside / far)[seen] - places[corners]) * ahead[corners]
-        share = 1.0 / len(corners)
-        # What moves an end by 1 m: across its ray, which is not quite across the others.
-        across = frame[1] - places[corners][:, None] * frame[0]
-        turned = radial[corners][:, ::-1] * [-1.0, 1.0]
-        row = np.zeros(len(mean) + len(self.limbs))
-        row[:2] = across.mean(axis=0)
-        row[2] = share * (radii[corners, None] * turned * across).sum()
-        by_radii = share * (radial[corners] * across).sum(axis=1)
-        np.add.at(row, 6 + corners, by_radii)
-        row[len(mean) :] = self.limbs[:, corners] @ by_radii
+        row, basis = np.zeros(len(mean)), self._process.basis_directions
+        offset = apart(row, mean, basis, rays.sensor, rays.directions, ends, seen)
         # As if only the place were wrong: the ends do not tell a turn from a shift.
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + END_STD**2)
-        return mean + gain * apart.mean(), gain, row, END_STD
-
-
-def placed(
-    slopes: np.ndarray, residuals: np.ndarray, covariance: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """How far a robust fit of `residuals` (n,) m moves a pose (3,), and its covariance (3, 3).
-
-    `slopes` (n, 3) are the derivatives by the pose, `covariance` (3 or more, …) is that before.
-    """
-    step, posterior = np.zeros(3), np.empty((3, 3))
-    _place(step, posterior, slopes, residuals, covariance)
-    return step, posterior
-
-
-@njit(cache=True)
-def _place(step, posterior, slopes, residuals, covariance):
-    """Write `placed`: twice, with a Cauchy distribution's noise, at the last residuals."""
-    spread, found = np.empty(3), np.zeros(3)
-    for _ in range(2):
-        posterior[:], found[:] = covariance[:3, :3], 0.0
-        for i in range(len(residuals)):
-            away, innovation = residuals[i], residuals[i]
-            for j in range(3):
-                away -= slopes[i, j] * step[j]
-                innovation -= slopes[i, j] * found[j]
-                spread[j] = 0.0
-                for k in range(3):
-                    spread[j] += posterior[j, k] * slopes[i, k]
-            variance = PLACING_STD**2 * (1.0 + (away / TAIL) ** 2)
-            for j in range(3):
-                variance += slopes[i, j] * spread[j]
-            for j in range(3):
-                found[j] += spread[j] / variance * innovation
-                for k in range(3):
-                    posterior[j, k] -= spread[j] / variance * spread[k]
-        step[:] = found
+        return mean + gain * offset, gain, row, END_STD**2
 
 
 def size_slopes(outline: np.ndarray) -> np.ndarray:

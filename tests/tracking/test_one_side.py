@@ -197,7 +197,7 @@ def test_the_radii_are_as_uncertain_as_sizes_and_shapes_of_the_class():
     # Front and rear grow together: the size is that of the whole class.
     assert side.radii_covariance[0, 25] > 0.9 * front**2
     _, walker = side_of(configured("road_user=pedestrian").prior)
-    assert len(side.limbs) == 0 and np.abs(walker.limbs).max() > 0.02
+    assert not side.limb_covariance.any() and walker.limb_covariance.max() > 0.02**2
 
 
 def test_an_error_that_all_scans_share_stays_in_the_stated_covariance():
