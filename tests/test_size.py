@@ -12,10 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_347
+TOTAL = 45_408
 """Greatest number of lines in all."""
 
-MODULES = 244
+MODULES = 245
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2050,
     "studies": 1619,
     "sweeps": 1992,
-    "tracking": 6412,
+    "tracking": 6473,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

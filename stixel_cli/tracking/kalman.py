@@ -18,16 +18,12 @@ def correct(
     which must be far above rounding. In the information form the cost grows with n and not with n³.
     """
     weighted = matrix.T / noise
-    # The prior's covariance is so many times that of the posterior: I + P Hᵀ R⁻¹ H.
-    scale = covariance @ (weighted @ matrix)
-    scale.flat[:: len(scale) + 1] += 1.0
-    posterior = np.linalg.solve(scale, covariance)
+    posterior = np.linalg.solve(_scale(covariance, weighted @ matrix), covariance)
     posterior, pull = 0.5 * (posterior + posterior.T), weighted @ innovation
     correction = posterior @ pull
     return correction, posterior, float(innovation @ (innovation / noise) - pull @ correction)
 
 
-<<<<<<< HEAD
 def normalised_innovation_squared(
     covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
 ) -> tuple[float, float]:
@@ -46,8 +42,6 @@ def _scale(covariance: np.ndarray, precision: np.ndarray) -> np.ndarray:
     return scale
 
 
-=======
->>>>>>> gp
 def update(
     mean: np.ndarray,
     covariance: np.ndarray,

@@ -34,12 +34,7 @@ from stixel_cli.tracking.contour.contour_update import (
     Measurement,
 )
 from stixel_cli.tracking.contour.forms import forms_of
-<<<<<<< HEAD
 from stixel_cli.tracking.kalman import correct, normalised_innovation_squared
-=======
-from stixel_cli.tracking.contour.ray_kernels import schmidt_update
-from stixel_cli.tracking.kalman import correct
->>>>>>> gp
 from stixel_cli.tracking.track import InitialState
 
 # Of one class: that the filters of the others change nothing is said in `test_disturbed_scans.py`.
@@ -273,10 +268,7 @@ def test_the_information_form_is_the_kalman_update(seed, count):
     expected = covariance - gain @ matrix @ covariance
     assert_allclose(posterior, expected, rtol=1e-6, atol=1e-8)
     assert nis == pytest.approx(innovation @ np.linalg.solve(innovation_covariance, innovation))
-<<<<<<< HEAD
     assert normalised_innovation_squared(*model)[0] == pytest.approx(nis)
-=======
->>>>>>> gp
 
 
 @pytest.mark.parametrize("form", ["learned", "rectangle"])
