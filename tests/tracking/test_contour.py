@@ -268,7 +268,9 @@ def test_the_information_form_is_the_kalman_update(seed, count):
     expected = covariance - gain @ matrix @ covariance
     assert_allclose(posterior, expected, rtol=1e-6, atol=1e-8)
     assert nis == pytest.approx(innovation @ np.linalg.solve(innovation_covariance, innovation))
-    assert normalised_innovation_squared(*model)[0] == pytest.approx(nis)
+    assert normalised_innovation_squared(covariance, matrix, noise, innovation)[0] == pytest.approx(
+        nis
+    )
 
 
 @pytest.mark.parametrize("form", ["learned", "rectangle"])

@@ -302,7 +302,7 @@ def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
     state = np.concatenate([[0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
     covariance = 0.1 * np.eye(len(state))
     joint = JointCovariance(covariance, np.ones(SHAPE_ERRORS))
-    prior, rays = Hypothesis((state, covariance, joint)), rays_at([[0.0, 21.0], [0.2, 21.0]])
+    prior, rays = Hypothesis((state, covariance, joint)), rays_at([[-0.8, 21.0], [0.8, 21.0]])
     for count, degrees in ((1, 1), (2, 4)):
         measurement = Measurement(rays, np.arange(count), sight, tracker)
         assert measurement.update(prior).degrees == degrees

@@ -10,7 +10,13 @@ from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.class_shape import OUTLINE_STD
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
+from stixel_cli.tracking.contour.contour_rays import (
+    LEARNED,
+    Rays,
+    Sight,
+    gate_widths,
+    sampling_inset,
+)
 from stixel_cli.tracking.contour.ray_kernels import Measured, Rows, rows_at
 from stixel_cli.tracking.kalman import correct, normalised_innovation_squared
 from stixel_cli.tracking.smoothing import Step
@@ -96,7 +102,7 @@ class Measurement:
 
     def __init__(self, rays: Rays, indices: np.ndarray, sight: Sight, tracker: ContourParameters):
         self.rays = rays = rays.subset(indices)
-        self._indices, self._tracker = indices, tracker
+        self._indices, self._tracker, self._hidden_ends = indices, tracker, 0
         self._table = sight.table.arrays
         count = len(rays.ranges)
         ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
@@ -138,7 +144,8 @@ class Measurement:
     def update(self, prior: Hypothesis) -> Hypothesis:
         """The `prior`, updated."""
         mean, covariance, joint = prior.state
-        self._leave_out_hidden_end(mean, covariance, joint)
+        if self._tracker.seen_by not in LEARNED:
+            self._leave_out_hidden_end(mean, covariance, joint)
         return self.posterior(prior, joint, self.fit(mean, covariance, mean))
 
     def _leave_out_hidden_end(
@@ -147,7 +154,9 @@ class Measurement:
         """Of two ends that are too near each other, use the one that is less far inside.
 
         Less is seen of the target than is known of its size: at the other end something hides it,
-        which the scan need not show. So a size that was well seen is not unlearned.
+        which a scan that is cut out of a recording need not show. So a size that was well seen is
+        not unlearned. A class that is too large for the target pays for it as for an end at the
+        gate.
         """
         measured, first = self._measured, len(self.rays.ranges)
         ends = slice(first, first + 2)
@@ -160,6 +169,7 @@ class Measurement:
         variance += (noise + rows.stds[ends] ** 2).sum()
         if missing.sum() > self._tracker.gate_std * np.sqrt(variance):
             measured.used[first + missing.argmax()] = False
+            self._hidden_ends = 1
 
     def posterior(self, prior: Hypothesis, joint: JointCovariance, found: Fit) -> Hypothesis:
         """The `prior` after an update that is `found`, with the `joint` covariance before it.
@@ -175,6 +185,7 @@ class Measurement:
             joint.matrix, matrix[used], noise[used], found.innovations[used]
         )
         likelihood += np.log(gate_widths(self.rays, self._tracker)).sum()
+        likelihood -= 0.5 * self._tracker.gate_std**2 * self._hidden_ends
         missed = np.minimum(rows.insides, 0.0) ** 2 / measured.miss_variances
         joint = joint.copy()
         joint.correct(gain, matrix, gain * noise)
