@@ -193,6 +193,16 @@ def test_a_target_of_no_class_is_followed_by_the_free_form(tracker, road_user, s
     assert fixed.class_probabilities is None
 
 
+def test_a_size_that_was_well_seen_is_not_unlearned_as_something_hides_an_end():
+    """What hides it is not in the scans: they are cut out around the target."""
+    poses = np.column_stack([np.zeros(60), 10.0 + 0.2 * np.arange(60), np.full(60, np.pi / 2)])
+    scans = scans_seen(rectangle(4.4, 1.8), poses, noise=0.03)
+    shown = 0.06 * (np.repeat(np.arange(60), np.diff(scans.offsets)) - 25) - 0.9
+    shown = scans.of_rows(np.flatnonzero(scans.points_world[:, 0] > np.minimum(shown, 0.3)))
+    errors = track(shown, start_at(poses), PRIOR, FILE).means[:, :2] - poses[:, :2]
+    assert np.hypot(*errors.T).max() < 0.25
+
+
 def test_a_learned_shape_has_no_residual_and_a_rectangle_is_the_box():
     assert forms_of("car", PRIOR, FABRICATED)["learned"][1].residual is None
     box = forms.rectangle(SHAPE).outline
