@@ -15,19 +15,19 @@ PACKAGE = Path(stixel_cli.__file__).parent
 TOTAL = 45_408
 """Greatest number of lines in all."""
 
-MODULES = 245
+MODULES = 244
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1356,
+    "": 1470,
     "answers": 1347,
     "benchmark": 1002,
     "calibration": 559,
     "cli": 2600,
     "config": 2486,
-    "engine": 4218,
+    "engine": 4214,
     "evaluation": 1595,
-    "experiment": 1224,
+    "experiment": 1223,
     "export": 702,
     "geometry": 412,
     "live": 617,
@@ -35,15 +35,15 @@ BUDGET = {
     "measurements": 1787,
     "pictures": 1385,
     "recordings": 2606,
-    "rendering": 2188,
-    "report": 736,
+    "rendering": 2083,
+    "report": 737,
     "results": 1347,
     "scene": 3255,
     "stereo": 451,
     "stixels": 2050,
     "studies": 1619,
     "sweeps": 1992,
-    "tracking": 6473,
+    "tracking": 6554,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -212,7 +212,7 @@ class StixelStream:
         self._tracks = [one for one in self._tracks if one.is_alive(k + 1)]
         numbered = [one for one in self._tracks if one.number is not None]
         for one in self._tracks:
-            if one.number is None and confirmed(scans, one, SIZES) is not None:
+            if one.number is None and confirmed(scans, one) is not None:
                 same = (other.number for other in numbered if are_one(scans, other, one, SIZES))
                 one.number = next(chain(same, self._numbers))
                 numbered.append(one)

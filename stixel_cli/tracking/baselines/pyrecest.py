@@ -7,13 +7,13 @@ tracker cannot mistake, also if there are two; and an ellipse's contour is drawn
 """
 
 from types import ModuleType
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.geometry.pose import rotation, world_from_target, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
@@ -57,11 +57,13 @@ class PyRecEstParameters:
     measurement_std: Annotated[float, Ge(0), Le(10)]
     basis_points: Annotated[int, Ge(4), Le(200)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
-    harmonics: ClassVar[int] = 4
-    """Of the Fourier series of `fourier_rhm`: more bend between the points of one visible side."""
-    contour_points: ClassVar[int] = 72
-    """Number M of points of the contour that is reported: no estimate depends on it."""
 
+
+HARMONICS = 4
+"""Of the Fourier series of `fourier_rhm`: more bend between the points of one visible side."""
+
+CONTOUR_POINTS = 72
+"""Number M of points of the contour that is reported: no estimate depends on it."""
 
 EXTENT_WEIGHT = 10.0
 """Degrees of freedom above the least with which the class's size counts."""
@@ -96,16 +98,16 @@ def track(
     try:
         for scan in filtered:
             adapted.predict(float(scan.interval))
-            mean, covariance, contour = adapted.estimate()
+            mean, covariance = adapted.estimate()
             turn, noises = rotation(mean[2]), scan.covariances + added
             spread = covariance[:2, :2] + turn @ size @ turn.T + noises
             near = associate(scan.points, mean[:2], spread, tracker.gate_probability)
             near = near if len(near) >= least else near[:0]
             if len(near):
                 adapted.update(scan.points[near], noises[near])
-                mean, covariance, contour = adapted.estimate()
+                mean, covariance = adapted.estimate()
             filtered.add(mean, covariance, near, degrees=0)
-            contours.append(contour)
+            contours.append(adapted.contour())
     except np.linalg.LinAlgError as error:
         raise ValueError(f"{tracker.name} of PyRecEst failed at scan {scan.k}: {error}") from error
     means, covariances = filtered.states
@@ -127,74 +129,70 @@ def _filters() -> ModuleType:
     return pyrecest.filters
 
 
-# Each of the following predicts by an interval in s, updates by points (n, 2) m with covariances
-# (n, 2, 2) m², and has an estimate: mean (6,) and covariance (6, 6) of the six states, and the
-# contour (M, 2) m in the world.
+class _Adapted:
+    """A tracker: it predicts by an interval in s, and updates by points with covariances.
+
+    They are (n, 2) m and (n, 2, 2) m². Its estimate is the mean (6,) and covariance (6, 6) of the
+    six states, its contour (M, 2) m in the world.
+    """
+
+    def contour(self) -> np.ndarray:
+        return np.asarray(self._filter.get_contour_points(CONTOUR_POINTS))
 
 
-class _StarConvex:
+class _StarConvex(_Adapted):
     """A shape in the target's frame; the state: x, y, heading, speed, turn rate, and the shape."""
 
     def __init__(self, initial: InitialState, prior: PriorShape, tracker: PyRecEstParameters):
-        filters = _filters()
-        self._tracker = tracker
+        filters, self._tracker = _filters(), tracker
         self._is_spline = tracker.name == "ekf_spline"
-        x, y, heading, x_rate, y_rate, heading_rate = initial.mean
-        ahead = np.array([np.cos(heading), np.sin(heading)])
-        state = np.array([x, y, heading, np.array([x_rate, y_rate]) @ ahead, heading_rate])
-        # Speed is the velocity along the heading.
-        rows = np.zeros((5, 6))
-        rows[[0, 1, 2, 4], [0, 1, 2, 5]] = 1.0
-        rows[3, 3:5] = ahead
-        covariance = rows @ initial.covariance @ rows.T
+        along = _along(initial.mean[2])
+        state, covariance = along.T @ initial.mean, along.T @ initial.covariance @ along
         angles = 2.0 * np.pi * np.arange(tracker.basis_points) / tracker.basis_points
         radii = prior_radii(prior, angles)
         if self._is_spline:
             share = np.hypot(prior.sigma_f, prior.sigma_r) / radii.mean()
+            outline = radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
             with_scale = share**2 * np.eye(7)
             with_scale[:5, :5] = covariance
-            self._filter = filters.EKFSplineTracker(
-                control_points=radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1),
-                kinematic_state=state,
-                scale_state=np.ones(2),
-                covariance=with_scale,
-            )
-        else:
-            full = tracker.name == "full_scgp"
-            kind = filters.FullSCGPTracker if full else filters.DecorrelatedSCGPTracker
-            self._filter = kind(
-                tracker.basis_points,
-                kinematic_state=state,
-                kinematic_covariance=covariance,
-                shape_state=radii,
-                reference_extent=radii,
-                kernel_params=(prior.sigma_f**2 + prior.sigma_r**2, np.pi / 4),
-            )
+            self._filter = filters.EKFSplineTracker(outline, state, np.ones(2), with_scale)
+            return
+        full = tracker.name == "full_scgp"
+        kind = filters.FullSCGPTracker if full else filters.DecorrelatedSCGPTracker
+        self._filter = kind(
+            tracker.basis_points,
+            kinematic_state=state,
+            kinematic_covariance=covariance,
+            shape_state=radii,
+            reference_extent=radii,
+            kernel_params=(prior.sigma_f**2 + prior.sigma_r**2, np.pi / 4),
+        )
 
     def predict(self, interval: float) -> None:
-        variances = self._tracker.sigma_q**2, self._tracker.sigma_q_psi**2
-        noise = np.zeros((7, 7)) if self._is_spline else np.zeros((5, 5))
-        noise[[3, 4], [3, 4]] = np.array(variances) * interval
-        self._filter.predict(interval, noise)
+        variances = np.zeros(7 if self._is_spline else 5)
+        variances[3:5] = self._tracker.sigma_q**2, self._tracker.sigma_q_psi**2
+        self._filter.predict(interval, np.diag(variances * interval))
 
     def update(self, points: np.ndarray, noises: np.ndarray) -> None:
         # Two points are read as rows. Only the Gaussian processes take one covariance a point.
         self._filter.update(points, R=noises.mean(axis=0) if self._is_spline else noises)
 
-    def estimate(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        values = np.asarray(self._filter.state)[:5]
-        spread = np.asarray(self._filter.covariance)[:5, :5]
-        cosine, sine = np.cos(values[2]), np.sin(values[2])
-        mean = np.array([*values[:3], values[3] * cosine, values[3] * sine, values[4]])
-        matrix = np.zeros((6, 5))
-        matrix[[0, 1, 2, 5], [0, 1, 2, 4]] = 1.0
-        matrix[3, 2:4] = -values[3] * sine, cosine
-        matrix[4, 2:4] = values[3] * cosine, sine
-        contour = np.asarray(self._filter.get_contour_points(self._tracker.contour_points))
-        return mean, matrix @ spread @ matrix.T, contour
+    def estimate(self) -> tuple[np.ndarray, np.ndarray]:
+        values, spread = self._filter.state[:5], self._filter.covariance[:5, :5]
+        matrix = _along(values[2])
+        mean = matrix @ values
+        matrix[3:5, 2] = -mean[4], mean[3]
+        return mean, matrix @ spread @ matrix.T
 
 
-class _FourierSeries:
+def _along(heading: float) -> np.ndarray:
+    """(6, 5): six states as a function of x, y, heading, speed along it, and turn rate."""
+    matrix = np.eye(6)[:, [0, 1, 2, 3, 5]]
+    matrix[3:5, 3] = np.cos(heading), np.sin(heading)
+    return matrix
+
+
+class _FourierSeries(_Adapted):
     """A shape in the world's frame, and x, y: it has no velocity, which this class adds.
 
     The position moves by the smoothed differences of the last positions. The heading is that of
@@ -203,11 +201,10 @@ class _FourierSeries:
 
     def __init__(self, initial: InitialState, prior: PriorShape, tracker: PyRecEstParameters):
         angles = 2.0 * np.pi * np.arange(256) / 256
-        radii = prior_radii(prior, angles - initial.mean[2])
-        series = 2.0 * np.fft.rfft(radii)[: tracker.harmonics + 1] / len(radii)
+        series = np.fft.rfft(prior_radii(prior, angles - initial.mean[2]))[: HARMONICS + 1] / 128
         waves = np.stack([series.real, -series.imag], axis=1)[1:]
         self._filter = _filters().FourierRHMTracker(
-            tracker.harmonics,
+            HARMONICS,
             fourier_coefficients=np.array([series[0].real, *waves.ravel()]),
             kinematic_state=initial.mean[:2],
             coefficient_covariance=prior.sigma_f**2 + prior.sigma_r**2,
@@ -217,12 +214,10 @@ class _FourierSeries:
             scale_variance=1e-3,
         )
         self._initial, self._tracker = initial, tracker
-        self._velocity, self._before = initial.mean[3:5].copy(), initial.mean[:2].copy()
-        self._elapsed = 1.0
+        self._velocity = initial.mean[3:5]
 
     def predict(self, interval: float) -> None:
-        self._before = np.asarray(self._filter.kinematic_state).copy()
-        self._elapsed = interval
+        self._before, self._elapsed = self._filter.kinematic_state.copy(), interval
         count = len(self._filter.covariance)
         noise, moved = np.zeros((count, count)), np.zeros(count)
         drift = self._initial.covariance[3:5, 3:5] * interval**2
@@ -233,21 +228,19 @@ class _FourierSeries:
     def update(self, points: np.ndarray, noises: np.ndarray) -> None:
         self._filter.update(points.T, noises.mean(axis=0))
         if self._elapsed > 0.0:
-            moved = (np.asarray(self._filter.kinematic_state) - self._before) / self._elapsed
+            moved = (self._filter.kinematic_state - self._before) / self._elapsed
             self._velocity = 0.7 * self._velocity + 0.3 * moved
 
-    def estimate(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        mean = self._initial.mean.copy()
-        mean[:2], mean[3:5], mean[5] = self._filter.kinematic_state, self._velocity, 0.0
-        covariance = self._initial.covariance.copy()
-        covariance[:2], covariance[:, :2] = 0.0, 0.0
-        covariance[:2, :2] = np.asarray(self._filter.covariance)[-2:, -2:]
+    def estimate(self) -> tuple[np.ndarray, np.ndarray]:
+        heading, covariance = self._initial.mean[2], self._initial.covariance.copy()
+        covariance[:2, 2:], covariance[2:, :2] = 0.0, 0.0
+        covariance[:2, :2] = self._filter.covariance[-2:, -2:]
         covariance[2, 2] = max(covariance[2, 2], UNKNOWN_HEADING_STD**2)
-        contour = np.asarray(self._filter.get_contour_points(self._tracker.contour_points))
-        return mean, covariance, contour
+        mean = np.array([*self._filter.kinematic_state, heading, *self._velocity, 0.0])
+        return mean, covariance
 
 
-class _Ellipse:
+class _Ellipse(_Adapted):
     """An ellipse; the state is x, y and their rates, and the ellipse.
 
     It is uniformly filled, so its covariance is a quarter of the squared semi-axes.
@@ -281,13 +274,13 @@ class _Ellipse:
         turned = tracker.sigma_q_psi**2 * interval
         if self._name == "factorised_giw":
             self._filter.predict(interval, noise, system_matrix=matrix)
-        elif self._name == "ggiw":
-            self._filter.predict_linear(matrix, noise, extent_forgetting_factor=0.98)
-        elif self._name == "vbrm":
-            self._filter.predict_linear(matrix, noise, orientation_sys_noise=turned)
-        else:
-            shape_noise = np.diag([turned, 0.0, 0.0])
-            self._filter.predict_linear(matrix, noise, shape_sys_noise=shape_noise)
+            return
+        of_mem = {"shape_sys_noise": np.diag([turned, 0.0, 0.0])}
+        other = {
+            "ggiw": {"extent_forgetting_factor": 0.98},
+            "vbrm": {"orientation_sys_noise": turned},
+        }
+        self._filter.predict_linear(matrix, noise, **other.get(self._name, of_mem))
 
     def update(self, points: np.ndarray, noises: np.ndarray) -> None:
         # Two points are read as columns.
@@ -297,32 +290,31 @@ class _Ellipse:
             semi_axes = self._filter.shape_state[1:]
             self._filter.shape_state[1:] = np.maximum(np.abs(semi_axes), LEAST_AXIS)
 
-    def estimate(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _oriented(self) -> tuple[float, float, np.ndarray]:
+        """Direction of the first axis, rad, its variance, rad², and the semi-axes (2,) m."""
         filter_ = self._filter
-        values, spread = np.asarray(filter_.kinematic_state), np.asarray(filter_.covariance)
         if self._name in ("ggiw", "factorised_giw"):
-            roots, vectors = np.linalg.eigh(np.asarray(filter_.extent))
-            semi = 2.0 * np.sqrt(np.maximum(roots[::-1], 0.0))
-            angle, angle_variance = np.arctan2(*vectors[::-1, 1]), UNKNOWN_HEADING_STD**2
-        else:
-            angle, *semi = np.asarray(filter_.get_point_estimate_shape())
-            of_vbrm = self._name == "vbrm"
-            angle_variance = (
-                filter_.orientation_variance if of_vbrm else filter_.shape_covariance[0, 0]
-            )
-        mean = np.zeros(6)
-        mean[MOVING], mean[2] = values, _forwards(float(angle), values[2:], self._heading)
-        covariance = np.diag([0.0, 0.0, angle_variance, 0.0, 0.0, self._tracker.sigma_q_psi**2])
-        covariance[np.ix_(MOVING, MOVING)] = spread
+            roots, vectors = np.linalg.eigh(filter_.extent)
+            semi_axes = 2.0 * np.sqrt(np.maximum(roots[::-1], 0.0))
+            return np.arctan2(*vectors[::-1, 1]), UNKNOWN_HEADING_STD**2, semi_axes
+        of_vbrm, (angle, *semi) = self._name == "vbrm", filter_.get_point_estimate_shape()
+        variance = filter_.orientation_variance if of_vbrm else filter_.shape_covariance[0, 0]
+        return float(angle), variance, np.abs(semi)
+
+    def estimate(self) -> tuple[np.ndarray, np.ndarray]:
+        angle, variance, _ = self._oriented()
+        mean, velocity = np.zeros(6), self._filter.kinematic_state[2:]
+        # An ellipse does not know which end of its axis is the front.
+        moving = np.hypot(*velocity) > 0.3
+        towards = np.arctan2(velocity[1], velocity[0]) if moving else self._heading
+        back = abs(float(wrap_angle(angle - towards))) > 0.5 * np.pi
+        mean[MOVING], mean[2] = self._filter.kinematic_state, angle + (np.pi if back else 0.0)
+        covariance = np.diag([0.0, 0.0, variance, 0.0, 0.0, self._tracker.sigma_q_psi**2])
+        covariance[np.ix_(MOVING, MOVING)] = self._filter.covariance
+        return mean, covariance
+
+    def contour(self) -> np.ndarray:
         # Counter-clockwise; the first axis is along the heading.
-        angles, _ = contour_directions(mean[2:3], self._tracker.contour_points)
-        points = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.abs(semi)
-        return mean, covariance, mean[:2] + points @ rotation(mean[2]).T
-
-
-def _forwards(angle: float, velocity: np.ndarray, heading: float) -> float:
-    """The direction of an axis that points forwards; an ellipse does not know which one does."""
-    moving = np.hypot(*velocity) > 0.3
-    towards = np.arctan2(velocity[1], velocity[0]) if moving else heading
-    back = abs(float(wrap_angle(angle - towards))) > 0.5 * np.pi
-    return angle + (np.pi if back else 0.0)
+        angles, _ = contour_directions(np.zeros(1), CONTOUR_POINTS)
+        points = np.stack([np.cos(angles), np.sin(angles)], axis=1) * self._oriented()[2]
+        return world_from_target(points, self.estimate()[0])
