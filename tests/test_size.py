@@ -12,38 +12,38 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_408
+TOTAL = 45_401
 """Greatest number of lines in all."""
 
 MODULES = 244
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1470,
+    "": 1356,
     "answers": 1347,
     "benchmark": 1002,
-    "calibration": 559,
+    "calibration": 550,
     "cli": 2600,
     "config": 2486,
-    "engine": 4214,
+    "engine": 4215,
     "evaluation": 1595,
-    "experiment": 1223,
+    "experiment": 1224,
     "export": 702,
-    "geometry": 412,
+    "geometry": 417,
     "live": 617,
     "machine": 179,
     "measurements": 1787,
     "pictures": 1385,
     "recordings": 2606,
-    "rendering": 2083,
-    "report": 737,
+    "rendering": 2188,
+    "report": 736,
     "results": 1347,
     "scene": 3255,
     "stereo": 451,
-    "stixels": 2050,
+    "stixels": 2044,
     "studies": 1619,
     "sweeps": 1992,
-    "tracking": 6554,
+    "tracking": 6479,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

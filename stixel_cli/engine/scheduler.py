@@ -292,19 +292,16 @@ class Scheduler:
 
     def _submit_ready(self) -> None:
         """Submit ready nodes up to the limit of the pool."""
+        if self._fatal is not None:
+            return
         if self._suspects:
             if not self._in_flight:
                 self._submit(self._suspects.popleft())
             return
-        free = max(self.pool.limit - len(self._in_flight), 0)
-        chosen = [heapq.heappop(self._ready)[-1] for _ in self._ready[:free]]
-        # What is computed here comes last: the workers have something to do meanwhile.
-        for key in sorted(chosen, key=self.here.__contains__):
-            self._submit(key)
+        while self._ready and len(self._in_flight) < self.pool.limit and self._fatal is None:
+            self._submit(heapq.heappop(self._ready)[-1])
 
     def _submit(self, key: str) -> None:
-        if self._fatal is not None:
-            return
         node = self.graph.nodes[key]
         self.progress.started(node)
         pool = SerialPool() if key in self.here else self.pool
