@@ -29,7 +29,7 @@ SHORT = {
         "stixel_cli.experiment.run.PICTURES": (),
         "stixel_cli.sweeps.folder.sweep_page": lambda *_, **given: "",
         "stixel_cli.studies.report.study_page": lambda *_: "",
-        "stixel_cli.answers.figures.drawing": lambda *_: b"<svg/>",
+        "stixel_cli.answers.figures.drawing": lambda *_: (b"<svg/>", ""),
     },
     "summed": {"stixel_cli.answers.runs.Runs.metrics": _SHOWN_METRICS},
     "workers": {"stixel_cli.engine.plan.Durations.estimate": lambda *_: (0.0, [])},

@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_401
+TOTAL = 45_400
 """Greatest number of lines in all."""
 
 MODULES = 244
@@ -20,8 +20,8 @@ MODULES = 244
 
 BUDGET = {
     "": 1356,
-    "answers": 1347,
-    "benchmark": 1002,
+    "answers": 1357,
+    "benchmark": 1004,
     "calibration": 550,
     "cli": 2600,
     "config": 2486,
@@ -41,8 +41,8 @@ BUDGET = {
     "scene": 3255,
     "stereo": 451,
     "stixels": 2044,
-    "studies": 1619,
-    "sweeps": 1992,
+    "studies": 1611,
+    "sweeps": 1987,
     "tracking": 6479,
     "validation": 1222,
 }

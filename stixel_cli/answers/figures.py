@@ -122,10 +122,9 @@ def mean_line(
         axes.fill_between(times, ends.low, ends.high, color=look["color"], alpha=0.2, linewidth=0.0)
 
 
-MOST_ROWS = 20
-"""Most options of a figure of differences, the best ones: a page has a figure for each metric."""
-MOST_LINES = 8
-"""Most lines of a panel: so many have colours and marks of their own."""
+MOST_ROWS, MOST_LINES = 20, 8
+"""Most lines of the names in a figure of differences; most lines of a panel, which have colours and
+marks of their own."""
 
 Errors = tuple[np.ndarray, Mapping[str, np.ndarray]]
 """Times (K,), s, and each of the `SERIES` that is known, (n, K) of n runs, in its own unit."""
@@ -250,19 +249,20 @@ PROBABILITIES = np.linspace(0.05, 0.99, 48)
 """At which the stated covariance of the position is compared with its errors."""
 
 
-def drawing(answer: Answer) -> bytes:
-    """The figure of an answer on a page, an SVG."""
-    reliable = reliability(answer) if answer.question.metric == "nees_position_mean" else None
-    return reliable or differences(answer)
+def drawing(answer: Answer) -> tuple[bytes, str]:
+    """The figure of an answer on a page, an SVG, and its legend."""
+    if answer.question.metric == "nees_position_mean" and (reliable := reliability(answer)):
+        return reliable, "Below the dashes, errors are larger than stated; bands: 95 % intervals"
+    return differences(answer), legend(answer)
 
 
 def legend(answer: Answer) -> str:
     """What the marks of the figure of `differences` mean, those that it has."""
     marks = {_mark(answer, option) for option in answer.values}
     bars = ", bars: 95 % intervals" if answer.units >= LEAST_UNITS else ""
-    of = answer.values.shape[1]
+    shown, of = len(_names(answer)), answer.values.shape[1]
     texts = {
-        f"The best {MOST_ROWS} of {of} options": of > MOST_ROWS,
+        f"The best {shown} of {of} options": of > shown,
         f"Grey: the units; dots: means{bars}": answer.units > 1,
         f"{BEST}: all others differ": BEST in marks,
         f"{TIED}: not shown to differ": TIED in marks,
@@ -310,22 +310,24 @@ def shares_inside(errors: Mapping[str, np.ndarray]) -> np.ndarray:
 def differences(
     answer: Answer, write: Callable[[matplotlib.figure.Figure], Any] = style.svg
 ) -> Any:
-    """The units' values of each option with their mean, the best on top; below, the differences.
+    """The units' values of each option with their mean, the best on top, and the differences.
 
-    Bars are 95 % intervals, without which there are no differences. Options without a value are
-    left out, and those after the first `MOST_ROWS`. Returns what `write` makes of the figure.
+    Bars are 95 % intervals, without which there are no differences. Returns what `write` makes of
+    the figure.
     """
-    order = [option for option in answer.order if option in answer.values][:MOST_ROWS]
+    named = _names(answer)
+    order, names = [*named], [*named.values()]
     table, values = answer.table.loc[order], answer.values[order].to_numpy()
     # Without intervals nothing is compared.
     paired = bool(table["minus_low"].notna().any())
-    names = [fill(f"{_mark(answer, option)} {option}".strip(), LONGEST_NAME) for option in order]
-    longest = max((len(line) for name in names for line in name.split("\n")), default=0)
-    lines = max((1 + name.count("\n") for name in names), default=1)
+    lines = len(names) * max((1 + name.count("\n") for name in names), default=1)
+    # Many options are seen at once where the differences are beside the values, not below them.
+    beside = paired and lines > MOST_LINES
+    rows, heading = 1 + (paired and not beside), answer.question.row.heading
     with style.drawing({"axes.spines.left": False, **style.LEGIBLE}):
-        height = (1 + paired) * (0.7 + 0.2 * lines * len(order))
-        figure = style.new_figure(style.NARROW, height)
-        sides = figure.subplots(1 + paired, sharey=True, squeeze=False)[:, 0]
+        height = rows * (0.7 + 0.2 * lines)
+        figure = style.new_figure(style.NARROW + 1.5 * beside, height)
+        sides = figure.subplots(rows, 1 + beside, sharey=True, squeeze=False).ravel()
         places = np.arange(len(order))
         sides[0].plot(values.T, places, ".", color=style.UNUSED, markersize=4.0)
         for axes, (mean, *ends) in zip(sides, (MEAN, MINUS), strict=False):
@@ -333,23 +335,31 @@ def differences(
             low, high = table.loc[known, ends].to_numpy().T
             axes.hlines(places[known], low, high, color=_COLOUR, linewidth=1.4)
             axes.plot(table[mean], places, "o", color=_MIDDLE, markersize=4.0)
-        sides[0].set_xlabel(answer.question.row.heading)
+        sides[0].set_xlabel(heading)
         if _is_flattened(answer, values):
             sides[0].set_xscale("log")
             sides[0].xaxis.set_major_formatter("{x:g}")
         if paired:
-            minus = f"{answer.question.row.heading}, minus {answer.against}"
-            sides[1].set_xlabel(minus, loc="right")
+            minus = f"minus {answer.against}"
+            sides[1].set_xlabel(minus if beside else f"{heading}, {minus}", loc="right")
             sides[1].axvline(0.0, color=style.TRUTH, linewidth=0.9)
         sides[0].set_yticks(range(len(order)), names)
         sides[0].set_ylim(len(order) - 0.4, -0.6)
         for axes in sides:
             if axes.get_xscale() == "linear":
-                axes.locator_params("x", nbins=3 if longest > LONGEST_NAME // 2 else 5)
+                axes.locator_params("x", nbins=3)
             axes.tick_params("y", length=0.0)
             axes.grid(True, axis="x")
-        style.place(figure, sides)
+        style.place(figure, sides[:rows])
         return write(figure)
+
+
+def _names(answer: Answer) -> dict[object, str]:
+    """The options of a figure, the best first, with their names in lines; none without a value."""
+    order = [option for option in answer.order if option in answer.values]
+    names = [fill(f"{_mark(answer, one)} {one}".strip(), LONGEST_NAME) for one in order]
+    lines = max((1 + name.count("\n") for name in names), default=1)
+    return dict(zip(order[: max(1, MOST_ROWS // lines)], names, strict=False))
 
 
 def over_axis(answer: Answer) -> bytes | None:

@@ -106,15 +106,7 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
     return page_template(__package__, "answers.html").render(
         title=asked.title,
         counts=f"{counted(len(runs), 'run')}: {listed([f'{n} {state}' for state, n in states])}",
-        answers=[
-            (
-                one.question.row.heading,
-                one.sentence,
-                drawing_for_page(figures.drawing(one), f"d{i}") if one.units else None,
-                figures.legend(one),
-            )
-            for i, one in enumerate(answers)
-        ],
+        answers=[_shown(one, i) for i, one in enumerate(answers)],
         notes=[*first.notes, *asked.remarks],
         player=links.get(str(asked.player), ""),
         cells=render.overview(answers, paired=True),
@@ -128,6 +120,13 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
         origin=asked.origin,
         command=shlex.join(command),
     )
+
+
+def _shown(answer: Answer, place: int) -> tuple[str, str, dict[str, Any] | None, str]:
+    """Heading, sentence, figure and its legend."""
+    svg, legend = figures.drawing(answer) if answer.units else (b"", "Nothing is compared.")
+    figure = drawing_for_page(svg, f"d{place}") if svg else None
+    return answer.question.row.heading, answer.sentence, figure, legend
 
 
 def _axes(runs: Runs, answer: Answer) -> list[tuple[str, str, dict[str, Any]]]:

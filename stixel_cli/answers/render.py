@@ -98,8 +98,8 @@ def explanation(answers: Sequence[Answer] = ()) -> str:
     text = f"Each value is the mean over {over}, which every option has"
     if any(one.used != answers[0].used for one in answers):
         text += " (other runs where a header says so)"
-    if answers and answers[0].used == 1:
-        text = "Each value is that of one run"
+    if answers and answers[0].used < 2:
+        text = f"Each value is that of {'one run' if answers[0].used else 'the runs in its header'}"
     few = f". Nothing is compared below {LEAST_UNITS} units."
     return text + (few if answers and answers[0].units < LEAST_UNITS else INTERVALS)
 

@@ -194,7 +194,8 @@ class Answer:
         heard = [option for option in self.order if option in means]
         reference = self.question.reference
         if not heard:
-            common = "no scenario has every unit, and no unit every scenario, of all options"
+            unit = " and ".join(self.question.over) or "unit"
+            common = f"not compared: in each scenario, and for each {unit}, an option lacks a value"
             return common if len(self.values.columns) else "no run has a value"
         if len(heard) == 1 or self.lacking or (self.best is None and reference is None):
             return self._named(heard) + over
@@ -248,7 +249,7 @@ class Answer:
         """What differences are from, as the header of a column names it."""
         reference = self.question.reference
         of, word = (self.best, "best") if reference is None else (reference, "reference")
-        return str(of) if len(str(of)) <= LONGEST_NAME else f"the {word}"
+        return str(of) if len(str(of)) <= LONGEST_NAME // 2 else f"the {word}"
 
     def name(self, option: object) -> str:
         """An option in a sentence: a number with its key, which tells it from the values."""

@@ -169,10 +169,9 @@ def checked(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> dict[st
 
     A scan with any number that is not finite is missing: all of its numbers become NaN.
     """
-    for name in sorted({*arrays} ^ {*ARRAYS} - {OPTIONAL} | {*arrays} - {*ARRAYS}):
+    for name in sorted(({*arrays} ^ {*ARRAYS}) - {OPTIONAL}):
         fault = "is missing" if name in ARRAYS else "is unknown"
-        if name != OPTIONAL:
-            raise UserError(f"{file}: {name[:40]} {fault}: a track has {', '.join(ARRAYS)}")
+        raise UserError(f"{file}: {name[:40]} {fault}: a track has {', '.join(ARRAYS)}")
     corners = arrays["contours"].shape[1] if arrays["contours"].ndim == 3 else 0
     if not 3 <= corners <= MOST_CORNERS:
         raise UserError(f"{file}: contours must have 3 to {MOST_CORNERS} corners (K, M, 2)")
@@ -295,12 +294,11 @@ def sequence_scores(
 ) -> dict[str, Any]:
     """The scores of a track by name; scans before `first` do not count."""
     track, scores, missing = scored_track(arrays, given, first)
-    metrics = scores.metrics
-    found = {name: metrics[name] for name in METRICS}
+    found = {name: scores.metrics[name] for name in METRICS}
     if "contour_std" not in arrays:
         found["band_coverage"] = None
     low, high = normalised_chi_square_bounds(np.array([2])).ravel()
-    found[CONSISTENT] = int(low <= (metrics["nees_position_mean"] or np.inf) <= high)
+    found[CONSISTENT] = int(low <= (scores.metrics["nees_position_mean"] or np.inf) <= high)
     found[MISSING] = int(missing[first:].sum())
     found[TIME] = 1e3 * float(arrays["seconds"].sum()) / len(track.times)
     # Six digits: rows of one pack are equal on all machines.

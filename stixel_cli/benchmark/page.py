@@ -39,6 +39,10 @@ SHOWN = (
 BETTER = {CONSISTENT: "more"}
 """Direction of those that the table of metrics does not have."""
 RANKED = "ranked"
+_COLUMNS = (
+    "In nees band: share of sequences whose mean NEES / 2 of the position is in the 95 % band of a "
+    "consistent filter. Ms per scan: milliseconds, on the machine that ran the tracker."
+)
 
 
 def kind_of(row: Mapping[str, Any]) -> str:
@@ -113,7 +117,7 @@ def _asked(data: str, part: str, fresh: bool, frame: pd.DataFrame) -> Asked:
     known = [name for name in SHOWN if name in asked.metrics]
     answers = [asked.ask(metric=name, better=BETTER.get(name), **parts) for name in known]
     beside = [name for name in frame["tracker"].unique() if name not in {*asked.frame["tracker"]}]
-    remarks = [f"Not compared, in “All runs” only: {listed(beside)}."] if beside else []
+    remarks = [f"Not compared, in “All runs” only: {listed(beside)}."] * bool(beside) + [_COLUMNS]
     title = f"Benchmark 1.0, {part_in_words({*frame['folder']}, part, fresh)}, data {data}"
     return Asked(title, Runs(frame.drop(columns="part"), AXES), answers, remarks)
 

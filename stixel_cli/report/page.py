@@ -18,8 +18,8 @@ _COLOURS = {
     style.CONSISTENT: "var(--band)",
     **{colour: f"var(--run-{i})" for i, colour in enumerate(style.RUNS)},
 }
-_PIXELS_A_POINT = 1.5
-"""Largest scale of a figure, px per point: its text is then as large as that of tables."""
+_PIXELS_A_POINT = 1.25
+"""Largest scale of a figure, px per point: its text is then nearly as large as that of tables."""
 _LEAST_TEXT = 10
 """px: a drawing is never shown so small that its smallest text is below this."""
 

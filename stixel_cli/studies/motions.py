@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -84,16 +85,6 @@ def simulated_subset(tracks: list[RealTrack]) -> list[RealTrack]:
     return [track for track in tracks if track in chosen]
 
 
-def every_track() -> list[dict[str, list]]:
-    """Axes: all tracks, each with a seed of its own."""
-    return _axes(lambda tracks: tracks)
-
-
-def some_tracks() -> list[dict[str, list]]:
-    """Axes: the tracks with simulated measurements, with the same seeds as in `every_track`."""
-    return _axes(simulated_subset)
-
-
 def _axes(subset: Callable[[list[RealTrack]], list[RealTrack]]) -> list[dict[str, list]]:
     folder = data_folder(NEEDED, CLIPS)
     tracks = real_tracks(folder)
@@ -111,6 +102,10 @@ def _axes(subset: Callable[[list[RealTrack]], list[RealTrack]]) -> list[dict[str
             "seed": [tracks.index(track) for track in chosen],
         }
     ]
+
+
+every_track, some_tracks = (partial(_axes, subset) for subset in (list, simulated_subset))
+"""Axes: all tracks, each with a seed of its own; those of them with simulated measurements."""
 
 
 def columns(name: str, runs: Runs, results: Sequence[RunResult]) -> Runs:

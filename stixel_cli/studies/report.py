@@ -57,7 +57,7 @@ class Section:
         """The figure of each group, an SVG, for the page and for a file of its own."""
         from stixel_cli.answers.figures import drawing
 
-        return [drawing(own[0]) for _, own in self.groups]
+        return [drawing(own[0])[0] for _, own in self.groups]
 
 
 def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:

@@ -66,12 +66,9 @@ def stage_metrics(frames: pd.DataFrame, stixels: pd.DataFrame) -> dict[str, floa
         "stixel_gross_share": _mean(gross),
         "squared_error_over_variance": _mean((fine["error"] / fine["sigma"]) ** 2),
         "height_bias_m": _mean(fine["height"]),
-        "lateral_rms_m": _rms(fine["lateral"]),
         "columns_without_stixel_share": _share(frames["uncovered"], frames["columns"]),
         "missed_columns_share": _share(frames["missed"], frames["columns"]),
         "pixel_density_share": _share(frames["valid"], frames["pixels"]),
-        "pixel_gross_share": _share(frames["gross"], frames["valid"]),
-        "pixel_bias_px": _share(frames["total"], inside),
         "pixel_rms_px": float(np.sqrt(_share(frames["squares"], inside))),
     }
 

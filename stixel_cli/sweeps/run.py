@@ -16,12 +16,7 @@ from typing import Any
 from stixel_cli.border import TYPED, Origin
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS, of_the_machine
-from stixel_cli.config.overrides import (
-    Override,
-    check_overrides,
-    parse,
-    read_overrides,
-)
+from stixel_cli.config.overrides import Override, check_overrides, parse, read_overrides
 from stixel_cli.config.own_options import with_own_values
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
