@@ -101,10 +101,8 @@ def track(
         from stixel_cli.tracking.gp_ekf_covariance import StatedCovariance
         from stixel_cli.tracking.one_side import OneSide
 
-        side = OneSide(prior, tracker.seen_by, process, scans)
-        stated = StatedCovariance(
-            initial.covariance, process.covariance, tracker.forgetting_rate, side
-        )
+        side = OneSide(prior, tracker, process, scans)
+        stated = StatedCovariance(initial.covariance, tracker.forgetting_rate, side)
     radii = prior_radii(prior, process.basis_angles) if side is None else side.radii
     mean = np.concatenate([initial.mean, radii])
     covariance = block_diag(initial.covariance, process.covariance)
@@ -169,7 +167,7 @@ def _updated(
     if side is not None:
         indices = indices[~rays.others[indices]]
     if side is not None and len(indices):
-        indices = side.target(rays, shape_stds, indices, mean, covariance)
+        indices = side.target(rays, indices, mean, covariance)
     if not len(indices):
         return mean, covariance, indices, np.nan
     if side is None:

@@ -19,14 +19,12 @@ from stixel_cli.tracking.one_side import OneSide
 class StatedCovariance(JointCovariance):
     """That of the state of `gp_ekf` and of the errors that it considers."""
 
-    def __init__(
-        self, initial: np.ndarray, radii: np.ndarray, forgetting_rate: float, side: OneSide
-    ):
-        """From the covariances (6, 6) of the start and (N, N) of radii of an unknown class.
+    def __init__(self, initial: np.ndarray, forgetting_rate: float, side: OneSide):
+        """From the covariance (6, 6) of the start.
 
         Radii that are not seen are forgotten at the `forgetting_rate`, 1/s.
         """
-        radii = radii if side.radii_covariance is None else side.radii_covariance
+        radii = side.radii_covariance
         self._side = side
         memory = 1.0 / forgetting_rate if forgetting_rate else np.inf
         of_radii, of_shape = [memory] * len(radii), [FIELD_TIME] * NODES

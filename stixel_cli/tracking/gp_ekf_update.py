@@ -52,18 +52,13 @@ class Linearisation:
         """(n,) rad of the points in the target's frame."""
         return np.arctan2(self.directions_target[:, 1], self.directions_target[:, 0])
 
-    @property
-    def tangential_slopes(self) -> np.ndarray:
-        """(n,) 1 - f / r: the tangential component's derivative by x^c is this times t = (-p_y,
-        p_x)."""
-        return self.residuals / self.distances
-
     @cached_property
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
         """H (n, 6 + N), the derivatives of the radial component of h, and R^f (n,) in m²."""
         regression, variances = self.process.regression(self.correlations)
-        rates = np.zeros_like(self.pose_matrix)
-        return np.hstack([self.pose_matrix, rates, regression]), variances
+        rows = np.zeros((len(regression), 6 + regression.shape[1]))
+        rows[:, :3], rows[:, 6:] = self.pose_matrix, regression
+        return rows, variances
 
 
 def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProcess) -> Linearisation:
@@ -101,9 +96,9 @@ def update(
     (matrix, variances), innovation = model.rows, model.residuals
     noise, radial = own + variances, len(own)
     if tangential:
-        rows = np.zeros_like(matrix)
-        rows[:, 0] = -model.directions[:, 1] * model.tangential_slopes
-        rows[:, 1] = model.directions[:, 0] * model.tangential_slopes
+        # The derivative by x^c is 1 - f / r times t = (-p_y, p_x).
+        rows, slopes = np.zeros_like(matrix), innovation / model.distances
+        rows[:, 0], rows[:, 1] = -model.directions[:, 1] * slopes, model.directions[:, 0] * slopes
         matrix, noise = np.vstack([matrix, rows]), np.concatenate([noise, own])
         innovation = np.concatenate([innovation, np.zeros(radial)])
     correction, posterior, nis = correct(covariance, matrix, noise, innovation)

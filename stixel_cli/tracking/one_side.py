@@ -6,7 +6,7 @@ neighbours. A small contour can fit such points with its far side, or grow into 
 """
 
 from dataclasses import replace
-from typing import Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,12 +18,16 @@ from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_shape import (
     MODE_ANGLES,
     class_shape,
-    height_insets,
     outline_modes,
-    visible_shape,
-    visible_table,
 )
-from stixel_cli.tracking.contour.contour_rays import FACES, Rays, at_heights, rays_of, segments
+from stixel_cli.tracking.contour.contour_rays import (
+    FACES,
+    Rays,
+    at_heights,
+    rays_of,
+    segments,
+    sight_of,
+)
 from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, expected
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise
@@ -31,6 +35,9 @@ from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Scan
 from stixel_cli.tracking.one_side_kernels import apart, fitting
 from stixel_cli.tracking.prior import PriorShape, prior_radii
+
+if TYPE_CHECKING:
+    from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
 END_STD = 0.2
 """Of the places of the first and the last point at the ends of the outline, m."""
@@ -42,28 +49,21 @@ class OneSide:
     Attributes:
         radii: (N,) m at the angles of the `process`: of the class's outline in the prior's size, or
             of the prior's shape if the class is unknown.
-        radii_covariance: (N, N) m², of the class's sizes and shapes; None if it is unknown.
+        radii_covariance: (N, N) m², of the class's sizes and shapes; of the process if unknown.
         limb_covariance: (N, N) m², of the changes of the radii as the target moves.
         roughness: m, root mean square of what the process leaves out of the class's outline: its
             corners and wheels are sharper.
         shared_errors: number of the errors that all scans share, of the sensor and of the heights.
         std_factor: on the standard deviation of a point, see `VisibleShape`.
-        basis_angles: (N,) rad.
     """
 
     def __init__(
-        self,
-        prior: PriorShape,
-        seen_by: Literal["stixels", "fabricated", "lidar", "file", "own"],
-        process: ContourProcess,
-        scans: Scans,
+        self, prior: PriorShape, tracker: "GpEkfParameters", process: ContourProcess, scans: Scans
     ):
         self._process, self._scans, self.shared_errors = process, scans, scans.shared_errors.count
-        self._tables = None
-        self._background = Background()
+        self._background, self._sight = Background(), None
         self.radii = prior_radii(prior, process.basis_angles)
-        self.basis_angles = process.basis_angles
-        self.radii_covariance, self.limb_covariance = None, np.zeros((len(self.radii),) * 2)
+        self.radii_covariance, self.limb_covariance = process.covariance, 0.0 * process.covariance
         self.std_factor, self.roughness = 1.0, 0.0
         if prior.road_user == "unknown":
             return
@@ -86,18 +86,17 @@ class OneSide:
         stds = np.array([prior.length_std, prior.width_std])
         sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
         self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
-        kind = seen_by if seen_by in ("stixels", "lidar") else "outline"
-        seen = visible_shape(prior.road_user, kind)
-        visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
-        self._tables = visible, outline_table(shape.outline)
-        self._insets = height_insets(prior.road_user)
-        if scans.heights is not None and self._insets is not None:
+        self._sight = sight = sight_of(prior.road_user, tracker)
+        self._tables, self.std_factor = (
+            (sight.table, outline_table(shape.outline)),
+            sight.std_factor,
+        )
+        if scans.heights is not None and sight.height_insets is not None:
             self.shared_errors += FACES
-        self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
 
     def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
         """`values` (n,) at the `bearings` (n,) rad of an outline, at the basis angles (N,)."""
-        return np.interp(self.basis_angles, bearings, values, period=2.0 * np.pi)
+        return np.interp(self._process.basis_angles, bearings, values, period=2.0 * np.pi)
 
     def rays(self, scan: Scan, mean: np.ndarray, position: np.ndarray) -> tuple[Rays, np.ndarray]:
         """The rays of the points of a scan, moved to where they would be if the outline were seen.
@@ -110,24 +109,18 @@ class OneSide:
         rays = rays_of(*seen, sensor, self._scans.field_of_view, shared, scan.heights)
         spread = np.sqrt(max(np.trace(position), 0.0))
         others = self._background.others(rays, mean[:2], mean[6:].max(), spread)
-        rays, stds = replace(rays, others=others), np.zeros(len(scan.points))
-        if self._tables is not None and len(scan.points):
-            state = np.concatenate([mean[:3], self._factors])
-            rays = at_heights(rays, state, self._tables[0], self._insets)
-            visible, outline = (
-                expected(state, sensor, rays.directions, table.arrays) for table in self._tables
-            )
-            missed = visible[0] - outline[0] + self._bias_per_std * rays.stds
-            rays, stds = replace(rays, ranges=rays.ranges - missed), visible[2]
-        return rays, stds
+        if self._sight is None or not len(scan.points):
+            return replace(rays, others=others), np.zeros(len(scan.points))
+        state = np.concatenate([mean[:3], self._factors])
+        rays = at_heights(rays, state, self._sight.table, self._sight.height_insets)
+        visible, outline = (
+            expected(state, sensor, rays.directions, table.arrays) for table in self._tables
+        )
+        missed = visible[0] - outline[0] + self._sight.bias_per_std * rays.stds
+        return replace(rays, others=others, ranges=rays.ranges - missed), visible[2]
 
     def target(
-        self,
-        rays: Rays,
-        shape_stds: np.ndarray,
-        candidates: np.ndarray,
-        mean: np.ndarray,
-        covariance: np.ndarray,
+        self, rays: Rays, candidates: np.ndarray, mean: np.ndarray, covariance: np.ndarray
     ) -> np.ndarray:
         """Of the `candidates` (m,), indices of rays, those whose points fit the contour.
 
@@ -137,8 +130,7 @@ class OneSide:
         """
         labels = segments(rays)[candidates]
         model = linearise(rays.points_world[candidates], mean, self._process)
-        fits = fitting(labels, model.pose_matrix, model.residuals, covariance)
-        return candidates[fits]
+        return candidates[fitting(labels, model.pose_matrix, model.residuals, covariance)]
 
     def linearised(self, rays: Rays, mean: np.ndarray, position: np.ndarray) -> Linearisation:
         """The model of the points of `rays`, at the places where they most likely were.

@@ -66,7 +66,7 @@ def side_of(prior, seen_by="stixels", field_of_view=None):
     """Its contour process, and the side of a sensor with one scan and no points."""
     process = ContourProcess(50, np.pi / 8, 0.1, 0.05, 1e-6)
     scans = replace(scans_of([np.zeros((0, 2))]), field_of_view=field_of_view)
-    return process, OneSide(prior, seen_by, process, scans)
+    return process, OneSide(prior, configured(f"tracker.seen_by={seen_by}").tracker, process, scans)
 
 
 def row_of_points(side, mean, shift):
