@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_400
+TOTAL = 45_390
 """Greatest number of lines in all."""
 
 MODULES = 244
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2044,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6479,
+    "tracking": 6469,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
