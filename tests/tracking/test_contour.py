@@ -15,7 +15,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import FieldOfView, SharedErrors
 from stixel_cli.tracking.association import uncut
-from stixel_cli.tracking.consider import NODES, JointCovariance, field_weights
+from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import predict, start
@@ -274,7 +274,7 @@ def test_the_information_form_is_the_kalman_update(seed, count):
 
 
 @pytest.mark.parametrize("form", ["learned", "rectangle"])
-def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
+def test_what_a_scan_does_to_the_joint_covariance_is_the_dense_update(form):
     """With a residual and rays that pass by the shape, too."""
     random = np.random.default_rng(3)
     _, sight, tracker = forms_of("car", PRIORS["car"], TRACKER)[form]
@@ -295,24 +295,12 @@ def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
     rows, measured, count = found.rows, measurement._measured, len(points)
     assert len(rows.errors) > count + 2
 
-    shape, ends = rows.stds**2, measured.ends
-    own = measured.variances + FINE * shape
-    own[:count] += rows.slants**2 * rays.across_variances
-    own[count:] += rays.across_variances[ends]
-    whole = np.zeros((len(rows.errors), len(root)))
-    whole[:, :states] = rows.matrix
-    considered = whole[: count + 2, states:]
-    considered[:count, :NODES] = field_weights(rows.angles)
-    considered[count:, NODES : NODES + 2] = np.eye(2)
-    considered *= np.sqrt(SHARED["fabricated"] * shape)[:, None]
-    moves = np.concatenate([shared, shared[ends]])
-    of_sensor = np.einsum("ni,nim->nm", rows.matrix[: count + 2, :2], moves)
-    considered[:, SHAPE_ERRORS : SHAPE_ERRORS + 2] = of_sensor
-    squared = rows.errors[: count + 2] ** 2 / (own + (considered**2).sum(axis=1))
-    freedom = tracker.degrees_of_freedom
-    own *= np.maximum((freedom + squared) / (freedom + 1.0), 1.0)
-    passing = np.flatnonzero(rows.insides < 0.0)
-    noise = np.append(own, measured.miss_variances[passing])
+    whole, noise = measurement._stated(rows, len(root))
+    field, moved = whole[: count + 2, states : states + SHAPE_ERRORS], whole[:, -4:-2]
+    assert_allclose((field**2).sum(axis=1), SHARED["fabricated"] * rows.stds**2)
+    assert_allclose(moved[:count], np.einsum("ni,nim->nm", rows.matrix[:count, :2], shared))
+    own = noise[: count + 2]
+    assert (own >= measured.variances + FINE * rows.stds**2).all()
 
     used = measured.used
     innovation_covariance = (whole @ joint.matrix @ whole.T)[: count + 2, : count + 2]
