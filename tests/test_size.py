@@ -12,26 +12,26 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_390
+TOTAL = 45_407
 """Greatest number of lines in all."""
 
-MODULES = 244
+MODULES = 245
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
     "": 1356,
     "answers": 1357,
     "benchmark": 1004,
-    "calibration": 550,
+    "calibration": 559,
     "cli": 2600,
     "config": 2486,
     "engine": 4215,
     "evaluation": 1595,
     "experiment": 1224,
     "export": 702,
-    "geometry": 417,
+    "geometry": 412,
     "live": 617,
-    "machine": 179,
+    "machine": 186,
     "measurements": 1787,
     "pictures": 1385,
     "recordings": 2606,
@@ -40,7 +40,7 @@ BUDGET = {
     "results": 1347,
     "scene": 3255,
     "stereo": 451,
-    "stixels": 2044,
+    "stixels": 2050,
     "studies": 1611,
     "sweeps": 1987,
     "tracking": 6469,
