@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_407
+TOTAL = 45_371
 """Greatest number of lines in all."""
 
 MODULES = 245
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2050,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6469,
+    "tracking": 6433,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
