@@ -79,15 +79,11 @@ class Graph:
 
         KeyError if there is no such node or stage.
         """
-        ids: dict[str, None] = {}
         for target in targets:
-            if target in self.stages:
-                ids.update(dict.fromkeys(self.stages[target]))
-            elif target in self.nodes:
-                ids[target] = None
-            else:
+            if target not in self.stages and target not in self.nodes:
                 raise KeyError(f"no node or stage {target!r}")
-        return list(ids)
+        ids = (key for target in targets for key in self.stages.get(target, (target,)))
+        return list(dict.fromkeys(ids))
 
     def ancestors(self, targets: Iterable[str]) -> set[str]:
         """Ids of the target nodes and of all nodes that they depend on."""
@@ -239,9 +235,7 @@ class _OneGraph:
         for node in ids:
             if stage.pattern == "pick" and self.nodes[node].first == first:
                 return (node,)
-        raise ValueError(
-            f"stage {stage.name} needs frame {first} of {source.name}, which picks other frames"
-        )
+        raise ValueError(f"stage {stage.name} needs frame {first} of {source.name}, which lacks it")
 
 
 def _in_order(stages: Sequence[Stage]) -> dict[str, Stage]:
