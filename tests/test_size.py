@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_348
+TOTAL = 45_328
 """Greatest number of lines in all."""
 
 MODULES = 244
@@ -28,13 +28,13 @@ BUDGET = {
     "engine": 4173,
     "evaluation": 1595,
     "experiment": 1224,
-    "export": 702,
+    "export": 700,
     "geometry": 417,
     "live": 617,
     "machine": 179,
-    "measurements": 1787,
+    "measurements": 1779,
     "pictures": 1385,
-    "recordings": 2606,
+    "recordings": 2598,
     "rendering": 2188,
     "report": 736,
     "results": 1347,
@@ -44,7 +44,7 @@ BUDGET = {
     "studies": 1611,
     "sweeps": 1987,
     "tracking": 6469,
-    "validation": 1222,
+    "validation": 1220,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

@@ -319,10 +319,8 @@ def _log_camera(library: Any, recording: Any, chunk: CameraFrames, times: np.nda
         low = np.column_stack([chunk.left[rows], chunk.top[rows]])
         sizes = scale * (np.column_stack([chunk.right[rows], chunk.base[rows] + 1]) - low)
         colours = np.round(255.0 * depth_colours(chunk.depth[rows])).astype(np.uint8)
-        look = {"colors": colours, "radii": LINE_RADIUS}
-        recording.log(
-            "camera/image/stixels", library.Boxes2D(mins=scale * low, sizes=sizes, **look)
-        )
+        boxes = library.Boxes2D(mins=scale * low, sizes=sizes, colors=colours, radii=LINE_RADIUS)
+        recording.log("camera/image/stixels", boxes)
 
 
 def _log_outline(library, recording, name: str, outline: np.ndarray, colour) -> None:

@@ -84,7 +84,7 @@ def export_stx1(stored: "RunResult", folder: Path, progress: "Progress | None" =
     from stixel_cli.experiment.stages import computed_stages
     from stixel_cli.results.folder import whole_folder
 
-    library = stx1_library("--format")
+    library = stx1_library("--format stx1")
     configuration = stored.composition.configuration
     rig, kind = configuration.rig, configuration.road_user.kind
     images = "add_sensor_noise" if configuration.source.kind == "rendered" else "pairs"

@@ -41,9 +41,7 @@ def stx1_library(asked_by: str) -> Any:
     try:
         import stixel
     except ImportError:
-        raise UserError(
-            f"{asked_by}: stx1 needs pyStixel-lib: pip install 'stixel[stx1]'"
-        ) from None
+        raise UserError(f"{asked_by} needs pyStixel-lib: pip install 'stixel[stx1]'") from None
     return stixel
 
 
