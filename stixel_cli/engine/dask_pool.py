@@ -18,6 +18,7 @@ from stixel_cli.border import connected, unpickled_bytes
 from stixel_cli.engine.errors import ExecutorError, WorkerDied
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
 from stixel_cli.engine.pools import Pool, settle
+from stixel_cli.errors import located
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -179,8 +180,7 @@ def _client(executor: DaskExecutor) -> Iterator["Client"]:
 
 
 def _distributed() -> ModuleType:
-    try:
+    required = f"executor=dask requires Dask: pip install '{PROGRAM}[dask]'"
+    with located(required, ExecutorError, ImportError):
         import distributed
-    except ImportError:
-        raise ExecutorError(f"executor=dask requires Dask: pip install '{PROGRAM}[dask]'") from None
     return distributed
