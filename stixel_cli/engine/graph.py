@@ -3,7 +3,6 @@
 import pickle
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 from stixel_cli.engine.code import CodeIndex
@@ -109,20 +108,16 @@ def merge(graphs: Iterable[Graph]) -> Graph:
     """Merge graphs. Nodes that several graphs share appear once; all nodes keep their ids."""
     nodes: dict[str, Node] = {}
     stages: dict[str, dict[str, None]] = {}
-    before: dict[str, dict[str, None]] = {}
     for graph in graphs:
         nodes.update(graph.nodes)
         for name, ids in graph.stages.items():
             stages.setdefault(name, {}).update(dict.fromkeys(ids))
-            sources = before.setdefault(name, {})
-            for node in ids[:1]:
-                sources.update(dict.fromkeys(graph.nodes[node].stage.inputs.values()))
-    try:
-        order = list(TopologicalSorter(before).static_order())
-    except CycleError:
-        # Two graphs order the same names differently. The order is only for display.
-        order = list(stages)
-    return Graph(nodes, {name: tuple(stages[name]) for name in order})
+    # In each graph the first node of a stage is deeper than those of its inputs.
+    depths = {
+        name: min((nodes[key].depth for key in ids), default=len(nodes))
+        for name, ids in stages.items()
+    }
+    return Graph(nodes, {name: tuple(stages[name]) for name in sorted(stages, key=depths.get)})
 
 
 class GraphBuilder:
