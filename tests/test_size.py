@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_301
+TOTAL = 45_223
 """Greatest number of lines in all."""
 
 MODULES = 245
@@ -25,16 +25,16 @@ BUDGET = {
     "calibration": 559,
     "cli": 2600,
     "config": 2486,
-    "engine": 4215,
+    "engine": 4166,
     "evaluation": 1595,
     "experiment": 1224,
-    "export": 702,
+    "export": 696,
     "geometry": 412,
     "live": 617,
     "machine": 186,
-    "measurements": 1787,
+    "measurements": 1778,
     "pictures": 1385,
-    "recordings": 2606,
+    "recordings": 2595,
     "rendering": 2176,
     "report": 736,
     "results": 1347,
@@ -44,7 +44,7 @@ BUDGET = {
     "studies": 1611,
     "sweeps": 1987,
     "tracking": 6433,
-    "validation": 1222,
+    "validation": 1219,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
