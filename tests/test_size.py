@@ -12,10 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_223
+TOTAL = 45_179
 """Greatest number of lines in all."""
 
-MODULES = 245
+MODULES = 244
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2044,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6433,
+    "tracking": 6389,
     "validation": 1219,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
