@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_328
+TOTAL = 45_286
 """Greatest number of lines in all."""
 
 MODULES = 244
@@ -25,16 +25,16 @@ BUDGET = {
     "calibration": 550,
     "cli": 2600,
     "config": 2486,
-    "engine": 4173,
+    "engine": 4143,
     "evaluation": 1595,
     "experiment": 1224,
-    "export": 700,
+    "export": 696,
     "geometry": 417,
     "live": 617,
     "machine": 179,
-    "measurements": 1779,
+    "measurements": 1778,
     "pictures": 1385,
-    "recordings": 2598,
+    "recordings": 2592,
     "rendering": 2188,
     "report": 736,
     "results": 1347,
@@ -44,7 +44,7 @@ BUDGET = {
     "studies": 1611,
     "sweeps": 1987,
     "tracking": 6469,
-    "validation": 1220,
+    "validation": 1219,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

@@ -178,9 +178,7 @@ def leased_keys(folder: Path) -> set[str]:
     Requires `collector_lock`.
     """
     keys: set[str] = set()
-    for path in inside(folder / LEASES):
-        if path.suffix != ".keys":
-            continue
+    for path in sorted((folder / LEASES).glob("*.keys")):
         lock = file_lock(path.with_suffix(".lock"))
         try:
             lock.acquire(timeout=0)

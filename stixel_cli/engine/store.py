@@ -94,11 +94,10 @@ class Store:
 
     def verify(self, key: str) -> bool:
         """Whether an undamaged entry exists. A damaged one is removed."""
-        try:
+        with suppress(MissingEntry):
             self.checked(key)
-        except MissingEntry:
-            return False
-        return True
+            return True
+        return False
 
     def save(self, key: str, value: Any, **notes: Any) -> int:
         """Store a value with notes (JSON); return the size of the value in bytes.
