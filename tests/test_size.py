@@ -12,38 +12,38 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_247
+TOTAL = 45_158
 """Greatest number of lines in all."""
 
-MODULES = 244
+MODULES = 245
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
     "": 1356,
     "answers": 1357,
     "benchmark": 1004,
-    "calibration": 550,
+    "calibration": 559,
     "cli": 2581,
     "config": 2486,
     "engine": 4123,
     "evaluation": 1595,
     "experiment": 1224,
     "export": 696,
-    "geometry": 417,
+    "geometry": 412,
     "live": 617,
-    "machine": 179,
+    "machine": 186,
     "measurements": 1778,
     "pictures": 1385,
     "recordings": 2592,
-    "rendering": 2188,
+    "rendering": 2176,
     "report": 736,
     "results": 1347,
-    "scene": 3255,
+    "scene": 3203,
     "stereo": 451,
     "stixels": 2044,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6469,
+    "tracking": 6433,
     "validation": 1219,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -314,20 +314,19 @@ def _plain_ply(content: bytes) -> bytes:
     Of a binary file, trimesh takes the number of the first face for all.
     """
     head, end, body = content.partition(b"end_header")
-    if b"format ascii" in head:
-        _check_ply(head, body)
-        return content
-    order, start = "<" if b"binary_little" in head else ">", body.find(b"\n") + 1
     elements = [
-        (int(one.split()[1]), re.findall(r"\n\s*property\s+(?:list\s+(\w+)\s+)?(\w+)", one))
+        (*one.split()[:2], re.findall(r"\n\s*property\s+(?:list\s+(\w+)\s+)?(\w+)", one))
         for one in re.split(r"\n\s*element\s+", head.decode("utf-8", "replace"))[1:]
     ]
-    if _has_equal_rows(body, start, order, elements):
+    if b"format ascii" in head:
+        _check_ply(elements, body)
         return content
-    lines = [re.sub(rb"binary_\w+", b"ascii", head) + end]
-    for count, kinds in elements:
-        for _ in range(count):
-            values: list[float] = []
+    order, start = "<" if b"binary_little" in head else ">", body.find(b"\n") + 1
+    lines, differ = [re.sub(rb"binary_\w+", b"ascii", head) + end], False
+    for _, count, kinds in elements:
+        lengths: set[tuple[int, ...]] = set()
+        for _ in range(int(count) if kinds else 0):
+            values, of_row = [], []
             for of_list, kind in kinds:
                 length = 1
                 if of_list:
@@ -337,46 +336,27 @@ def _plain_ply(content: bytes) -> bytes:
                 row = f"{order}{length}{_TYPES[kind]}"
                 values += struct.unpack_from(row, body, start)
                 start += struct.calcsize(row)
+                of_row.append(length)
             lines.append(" ".join(map(repr, values)).encode())
-    return b"\n".join(lines)
+            lengths.add(tuple(of_row))
+        differ = differ or len(lengths) > 1
+    return b"\n".join(lines) if differ else content
 
 
-def _has_equal_rows(body: bytes, start: int, order: str, elements: list) -> bool:
-    """Whether all lists of a property of a binary .ply have the length of its first one."""
-    for count, kinds in elements:
-        fields, place = [], start
-        for i, (of_list, kind) in enumerate(kinds if count else ()):
-            length = 1
-            if of_list:
-                (length,) = struct.unpack_from(order + _TYPES[of_list], body, place)
-                fields.append((f"length {i}", order + _TYPES[of_list]))
-                place += struct.calcsize(_TYPES[of_list])
-            fields.append((f"values {i}", order + _TYPES[kind], (length,)))
-            place += length * struct.calcsize(_TYPES[kind])
-        size = count * (place - start)
-        if start + size > len(body):
-            return False
-        rows = np.frombuffer(body[start : start + size], np.dtype(fields)) if size else None
-        for name, *_ in fields:
-            if name.startswith("length") and (rows[name] != rows[name][0]).any():
-                return False
-        start += size
-    return True
+def _check_ply(elements: list[tuple[str, str, list[tuple[str, str]]]], body: bytes) -> None:
+    """Check the rows of a .ply in text: trimesh takes the form of the first row for all.
 
-
-def _check_ply(head: bytes, body: bytes) -> None:
-    """Check the rows of a .ply in text: trimesh takes the form of the first row for all."""
+    `elements` are names, counts and properties: the type of a list's length, or "", and the type.
+    """
     rows = iter(body.splitlines()[1:])
-    for element in re.split(rb"\n\s*element\s+", head)[1:]:
-        name, count = element.split()[:2]
-        are_lists = [kind == b"list" for kind in re.findall(rb"\n\s*property\s+(\w+)", element)]
+    for name, count, kinds in elements:
         for row in range(int(count)):
             values = [float(word) for word in next(rows, b"").split()]
             place = 0
-            for is_list in are_lists:
-                place += 1 + (int(values[place]) if is_list else 0)
+            for of_list, _ in kinds:
+                place += 1 + (int(values[place]) if of_list else 0)
             if place != len(values):
-                raise ValueError(f"row {row} of {name.decode()} is not as its head declares")
+                raise ValueError(f"row {row} of {name} is not as its head declares")
 
 
 def _check_gltf(content: bytes, size: int) -> None:

@@ -81,18 +81,14 @@ def world_objects(world: World) -> list[Mesh]:
 
     The background's order is the order of its ids. The same `world` gives the same bytes.
     """
-    draws, materials = generator(world.seed, "world"), Materials(world.seed, world.contrast)
-    made = [
-        *_houses(world.contrast, materials, draws),
-        *_green(world.contrast, materials, draws),
-        *_furniture(world.contrast, materials),
-    ]
+    made = list(_street(world.contrast, world.seed))
     made.sort(key=lambda mesh: np.hypot(*corners(mesh)[..., :2].reshape(-1, 2).T).min())
     return [ground(world.contrast), *made]
 
 
-def _houses(contrast: float, materials: Materials, draws: np.random.Generator):
-    fronts = materials.fronts
+def _street(contrast: float, seed: int) -> Iterator[Mesh]:
+    draws, materials = generator(seed, "world"), Materials(seed, contrast)
+    fronts, metal = materials.fronts, materials.metal
     roofs = [materials.roof, roof_tiles("roof grey", (92, 92, 98), contrast)]
     order = draws.permutation(len(fronts))
     for i, (x0, y0, x1, y1, height, ridge) in enumerate(HOUSES):
@@ -100,9 +96,6 @@ def _houses(contrast: float, materials: Materials, draws: np.random.Generator):
         roof = roofs[draws.integers(2)]
         yield background.house((x0, y0), (x1, y1), height, front, roof, ridge)
     yield background.tower((-4.5, 102.0), (4.5, 111.0), 22.0, fronts[2], roofs[1])
-
-
-def _green(contrast: float, materials: Materials, draws: np.random.Generator):
     greens = [materials.leaves, leaves("dark leaves", (62, 92, 46), contrast)]
     for i, place in enumerate(TREES):
         height = draws.uniform(5.5, 8.0)
@@ -112,14 +105,11 @@ def _green(contrast: float, materials: Materials, draws: np.random.Generator):
     clipped = leaves("hedge", (66, 98, 50), contrast)
     for x0, y0, x1, y1, height in HEDGES:
         yield background.hedge((x0, y0, 0.0), (x1, y1, height), clipped)
-
-
-def _furniture(contrast: float, materials: Materials):
-    metal, plate = materials.metal, mottled("sign", (44, 92, 168), 0.08 + 0.20 * contrast)
     for x, y, *reach in LAMPS:
         yield background.lamp_post((x, y), reach, metal, materials.glass)
     for place in BOLLARDS:
         yield background.bollard(place, metal)
+    plate = mottled("sign", (44, 92, 168), 0.08 + 0.20 * contrast)
     for place in SIGNS:
         yield background.sign(place, metal, plate)
     for x, y, heading, colour in PARKED:
@@ -211,7 +201,13 @@ def _slot(world: World, materials: Materials, draws: np.random.Generator) -> Ite
         height = draws.uniform(5.5, 8.0)
         yield background.tree(draws, place, height, materials.bark, materials.leaves)
     if world.kind == "fenced":
-        yield _fence_or_hedge(materials, draws)
+        # Along the road, 5 to 12 m long.
+        half, y = 0.5 * draws.uniform(5.0, 12.0), draws.uniform(5.8, 7.0)
+        height = draws.uniform(0.9, 1.6)
+        if draws.uniform() < 0.5:
+            yield background.hedge((-half, y, 0.0), (half, y + 0.7, height), materials.leaves)
+        else:
+            yield background.fence((-half, y), half, height, materials.bark)
         return
     place = (draws.uniform(-4.0, 4.0), draws.uniform(6.8, 8.5))
     kind = draws.integers(4)
@@ -226,15 +222,6 @@ def _slot(world: World, materials: Materials, draws: np.random.Generator) -> Ite
         yield background.hedge(low, high, materials.leaves)
     else:
         yield background.bollard(place, materials.metal)
-
-
-def _fence_or_hedge(materials: Materials, draws: np.random.Generator) -> Mesh:
-    """Along the road, 5 to 12 m long."""
-    half, near = 0.5 * draws.uniform(5.0, 12.0), draws.uniform(5.8, 7.0)
-    low, high = (-half, near, 0.0), (half, near + 0.7, draws.uniform(0.9, 1.6))
-    if draws.uniform() < 0.5:
-        return background.hedge(low, high, materials.leaves)
-    return background.fence(low[:2], high[0], high[2], materials.bark)
 
 
 def _woods(low: np.ndarray, high: np.ndarray, materials: Materials) -> Iterator[Mesh]:
