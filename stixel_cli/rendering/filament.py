@@ -55,34 +55,29 @@ def describe_scene(
     rig: Rig,
     frames: range,
 ) -> dict[str, np.ndarray]:
-    """The arrays that the child reads.
+    """The arrays that the child reads; `parts` (n, 3): texture, id, and pose of the limbs or -1.
 
     `objects` are (id, Mesh) of the world, `targets` the meshes of the target in its own frame, one
     for each pose of the limbs.
     """
     arrays: dict[str, np.ndarray] = {}
     numbers: dict[int, int] = {}  # of textures, by identity
-    texture_of, ids, limb_poses = [], [], []
+    parts: list[tuple[int, int, int]] = []
     used = np.unique(scenario.limb_poses[frames.start : frames.stop])
     moving = [(TARGET_ID, targets[pose], pose) for pose in used]
     for identity, mesh, limb_pose in [*((*one, -1) for one in objects), *moving]:
         for part in mesh:
             number = numbers.setdefault(id(part.texture), len(numbers))
             arrays[f"texture_{number}"] = part.texture
-            arrays[f"corners_{len(ids)}"] = part.vertices[part.triangles]
-            arrays[f"uvs_{len(ids)}"] = part.uvs
-            texture_of.append(number)
-            ids.append(identity)
-            limb_poses.append(limb_pose)
+            arrays[f"corners_{len(parts)}"] = part.vertices[part.triangles]
+            arrays[f"uvs_{len(parts)}"] = part.uvs
+            parts.append((number, identity, limb_pose))
     poses = [rig_cameras(rig, scenario.ego_poses_world[k]) for k in frames]
     focals = rig.focal, rig.focal_v
     return arrays | {
         "size": np.array([rig.width, rig.height]),
         "intrinsics": np.array([[*focals, u, rig.v0] for u in (rig.u0, rig.u0_right)]),
-        "parts": np.array(len(ids)),
-        "texture_of": np.array(texture_of),
-        "ids": np.array(ids),
-        "limb_pose_of": np.array(limb_poses),
+        "parts": np.array(parts),
         "limb_poses": scenario.limb_poses[frames.start : frames.stop],
         "sun": placement.SUN,
         "sun_colour": placement.SUN_COLOUR,

@@ -59,11 +59,11 @@ class Stage:
         # Of each part, and the pose of the limbs that it belongs to; -1 for those that do not move.
         self.names: list[tuple[str, str, int]] = []
         self.limb_pose = -1
-        for n in range(int(scene["parts"])):
-            self._add(n)
+        for n, part in enumerate(scene["parts"].tolist()):
+            self._add(n, *part)
         self._lights(1.0)
 
-    def _add(self, n: int) -> None:
+    def _add(self, n: int, texture: int, identity: int, limb_pose: int) -> None:
         """Add part `n`; corners are not shared, so that every triangle is flat."""
         library, scene = self.open3d, self.scene
         corners = scene[f"corners_{n}"].reshape(-1, 3)
@@ -81,14 +81,13 @@ class Stage:
         looks = self.rendering.MaterialRecord()
         looks.shader = "defaultLit"
         looks.base_roughness, looks.base_reflectance, looks.base_metallic = 1.0, 0.0, 0.0
-        texture = np.ascontiguousarray(scene[f"texture_{int(scene['texture_of'][n])}"])
-        looks.albedo_img = library.geometry.Image(texture)
+        looks.albedo_img = library.geometry.Image(np.ascontiguousarray(scene[f"texture_{texture}"]))
         flat = self.rendering.MaterialRecord()
         flat.shader = "unlitSolidColor"
-        flat.base_color = identity_colour(int(scene["ids"][n]))
+        flat.base_color = identity_colour(identity)
         self.renderer.scene.add_geometry(f"looks {n}", mesh, looks)
         self.renderer.scene.add_geometry(f"flat {n}", mesh, flat)
-        self.names.append((f"looks {n}", f"flat {n}", int(scene["limb_pose_of"][n])))
+        self.names.append((f"looks {n}", f"flat {n}", limb_pose))
 
     def _lights(self, gain: float) -> None:
         scene = self.renderer.scene.scene

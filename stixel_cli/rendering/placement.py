@@ -1,7 +1,6 @@
 """Content of the world for both renderers: numbered objects, the target, the sun, the cameras."""
 
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
@@ -111,11 +110,8 @@ class Camera:
 
         Points behind the camera have a depth that is not positive and no meaningful pixel.
         """
-        camera = (points - self.origin) @ self.projection
-        depth = camera[:, 2]
-        safe = np.where(depth > 0, depth, 1.0)
-        u = self.focal * camera[:, 0] / safe + self.u0
-        v = self.focal * camera[:, 1] / safe + self.v0
+        x, y, depth = ((points - self.origin) @ self.projection).T
+        u, v = self.focal * x / depth + self.u0, self.focal * y / depth + self.v0
         return np.stack([u, v, depth], axis=1)
 
     def rectangle_of(self, points: np.ndarray, margin: int) -> tuple[int, int, int, int]:
@@ -125,16 +121,14 @@ class Camera:
         image; empty (equal numbers) where nothing of the hull is in front of the camera.
         """
         depth = (points - self.origin) @ self.rotation[:, 2]
-        front = [points[depth >= NEAR]]
-        # The hull, cut at the near plane, has its corners there on segments between the points.
-        for i, j in combinations(range(len(points)), 2):
-            if (depth[i] < NEAR) != (depth[j] < NEAR):
-                share = (NEAR - depth[i]) / (depth[j] - depth[i])
-                front.append((points[i] + share * (points[j] - points[i]))[None])
-        corners = np.concatenate(front)
-        if len(corners) == 0:
+        front = depth >= NEAR
+        if not front.any():
             return 0, 0, 0, 0
-        u, v, _ = self.project(corners).T
+        # The hull, cut at the near plane, has its corners there on segments between the points.
+        behind, ahead = np.nonzero(~front[:, None] & front)
+        share = (NEAR - depth[behind]) / (depth[ahead] - depth[behind])
+        cut = points[behind] + share[:, None] * (points[ahead] - points[behind])
+        u, v, _ = self.project(np.concatenate([points[front], cut])).T
         ends = [
             int(np.clip(end, 0, size))
             for values, size in ((v, self.height), (u, self.width))

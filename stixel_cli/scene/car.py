@@ -259,11 +259,10 @@ def _handles(shape):
 def _mirrors(shape):
     surfaces = []
     shift = np.array([0.5 * shape.windscreen_foot, 0.0, 0.7 * shape.lift])
-    for sign in (1.0, -1.0):
-        centre = np.add(shift, (0.70, sign * 0.83, 1.01))
-        arm = np.add(shift, [(0.74, sign * 0.70, 0.93), (0.71, sign * 0.80, 0.98)])
-        mirror = shapes.ellipsoid(centre, (0.065, 0.07, 0.065), 6, 12)
-        surfaces += [mirror, shapes.tube(arm, 0.022, 6)]
+    left = np.add(shift, [(0.70, 0.83, 1.01), (0.74, 0.70, 0.93), (0.71, 0.80, 0.98)])
+    for points in _both(left):
+        mirror = shapes.ellipsoid(points[0], (0.065, 0.07, 0.065), 6, 12)
+        surfaces += [mirror, shapes.tube(points[1:], 0.022, 6)]
     return surfaces
 
 
@@ -297,5 +296,4 @@ def _rims():
 
 
 def _lamps(centre, radii):
-    mirror = np.array([1.0, -1.0, 1.0])
-    return [shapes.ellipsoid(np.array(centre) * side, radii, 6, 12) for side in (1.0, mirror)]
+    return [shapes.ellipsoid(place, radii, 6, 12) for place in _both(centre)]

@@ -86,15 +86,12 @@ def _s_curve(path: SCurve, length):
     mean, swing = np.radians(path.heading), np.radians(path.swing)
     rate = 2.0 * np.pi / path.wavelength
 
-    def heading_at(s):
-        return mean + swing * np.sin(rate * s)
+    def direction(s):
+        heading = mean + swing * np.sin(rate * s)
+        return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
 
-    positions = np.array(path.start) + _integral(
-        lambda s: np.stack([np.cos(heading_at(s)), np.sin(heading_at(s))], axis=-1),
-        length,
-        path.wavelength / 8.0,
-    )
-    poses = np.concatenate([positions, heading_at(length)[:, None]], axis=1)
+    positions = np.array(path.start) + _integral(direction, length, path.wavelength / 8.0)
+    poses = np.column_stack([positions, mean + swing * np.sin(rate * length)])
     return poses, swing * rate * np.cos(rate * length)
 
 
@@ -107,8 +104,12 @@ def _waypoints(path: Waypoints, length):
     positions = spline(parameter) + past[:, None] * tangent / pace[:, None]
     curvature = (tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]) / pace**3
     curvature = np.where(past > 0.0, 0.0, curvature)
-    heading = _continuous_heading(spline, parameter)
-    return np.concatenate([positions, heading[:, None]], axis=1), curvature
+    # Continuous along the spline: in the turn of the heading that is unwrapped on a grid.
+    grid = np.linspace(spline.x[0], spline.x[-1], 64 * (len(spline.x) - 1) + 1)
+    reference = np.interp(parameter, grid, np.unwrap(np.arctan2(*spline(grid, 1).T[::-1])))
+    heading = np.arctan2(tangent[:, 1], tangent[:, 0])
+    heading += 2.0 * np.pi * np.rint((reference - heading) / (2.0 * np.pi))
+    return np.column_stack([positions, heading]), curvature
 
 
 def waypoint_spline(points: np.ndarray) -> "CubicSpline":
@@ -125,10 +126,8 @@ def waypoint_spline(points: np.ndarray) -> "CubicSpline":
 
 def _spline_parameter(spline: "CubicSpline", length: np.ndarray):
     """The spline's parameter (K,) at each length (K,) driven along it, and the length past it."""
-    panels = np.concatenate(
-        [np.linspace(a, b, 33)[:-1] for a, b in zip(spline.x[:-1], spline.x[1:], strict=True)]
-        + [spline.x[-1:]]
-    )
+    panels = np.linspace(spline.x[:-1], spline.x[1:], 32, endpoint=False, axis=1)
+    panels = np.append(panels, spline.x[-1])
 
     def pace(parameter):
         return np.linalg.norm(spline(parameter, 1), axis=-1)
@@ -143,17 +142,6 @@ def _spline_parameter(spline: "CubicSpline", length: np.ndarray):
         error = driven[panel] + _integrals(pace, low, parameter) - inside
         parameter = np.clip(parameter - error / pace(parameter), low, high)
     return parameter, past
-
-
-def _continuous_heading(spline: "CubicSpline", parameter: np.ndarray) -> np.ndarray:
-    """Heading (K,) rad of the spline's tangent, continuous along the spline."""
-    steps = 64 * (len(spline.x) - 1)
-    grid = np.linspace(spline.x[0], spline.x[-1], steps + 1)
-    tangent = spline(grid, 1)
-    reference = np.interp(parameter, grid, np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0])))
-    here = spline(parameter, 1)
-    heading = np.arctan2(here[:, 1], here[:, 0])
-    return heading + 2.0 * np.pi * np.rint((reference - heading) / (2.0 * np.pi))
 
 
 def _integral(function: Callable, ends: np.ndarray, longest_panel: float) -> np.ndarray:

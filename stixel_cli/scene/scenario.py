@@ -61,8 +61,14 @@ class Scenario:
 
     @property
     def star_convex(self) -> bool:
-        """Whether every point of every contour is seen from the target's centre."""
-        return all(is_star_convex(contour) for contour in self.contours_target)
+        """Whether every point of every contour is seen from the target's centre.
+
+        Exact: the centre must be on the inner side of the line through every edge, which is when
+        the cross product of each edge's ends is not negative.
+        """
+        following = np.roll(self.contours_target, -1, axis=1)
+        (x, y), (x_after, y_after) = self.contours_target.T, following.T
+        return bool(np.all(x * y_after - y * x_after >= 0.0))
 
     @property
     def known(self) -> np.ndarray:
@@ -99,14 +105,3 @@ class Scenario:
         (left, bottom), (right, top) = self.box_target
         box = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
         return np.stack([world_from_target(box, pose) for pose in self.target_poses_world])
-
-
-def is_star_convex(contour: np.ndarray) -> bool:
-    """Whether every point of the polygon `contour` (M, 2), ccw, is seen from the origin.
-
-    Exact: the origin must be on the inner side of the line through every edge, which is when the
-    cross product of each edge's ends is not negative.
-    """
-    following = np.roll(contour, -1, axis=0)
-    crosses = contour[:, 0] * following[:, 1] - contour[:, 1] * following[:, 0]
-    return bool(np.all(crosses >= 0.0))

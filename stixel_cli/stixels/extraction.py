@@ -42,10 +42,7 @@ def extract_stixels(
             images = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
         found.append(stixels_of_frame(frame, height, extraction, images))
     offsets = np.cumsum([0] + [len(f["left"]) for f in found], dtype=np.int64)
-    empty = group_fields(np.zeros((0, 4)), np.zeros((0, 2)), np.array([1.0, 0.0]), rig, extraction)
-    arrays = {
-        name: np.concatenate([zero, *(f[name] for f in found)]) for name, zero in empty.items()
-    }
+    arrays = {name: np.concatenate([f[name] for f in found]) for name in found[0]}
     return Stixels(first=frames.start, offsets=offsets, **arrays)
 
 

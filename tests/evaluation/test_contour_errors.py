@@ -26,7 +26,7 @@ from stixel_cli.evaluation.evaluate import normalised_errors
 from stixel_cli.geometry.pose import rotation, target_from_world, world_from_target
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.scenario import is_star_convex
+from stixel_cli.scene.scenario import Scenario
 
 SQUARE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
 
@@ -219,7 +219,7 @@ def test_the_best_star_convex_contour_fills_a_small_gap_and_leaves_out_a_far_par
         gap = [[last, 0.1], [last, -0.1 + 1e-6], [first, -0.1 + 1e-6], [first, 0.1]]
         cut = np.array([*bar[:3], *gap, bar[3]])
         shape = np.concatenate([[[0.5, -0.5]], cut, [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]])
-        assert not is_star_convex(shape)
+        assert not Scenario(np.zeros(1), *np.zeros((3, 1, 3)), shape[None]).star_convex
         near, far = 1.0 + 0.05 * 0.2, 0.2 * (4.0 - 0.55 - slot)
         filled = (near + far) / (near + far + 0.2 * slot)
         dropped = near / (near + far)

@@ -14,7 +14,7 @@ from stixel_cli.scene.ego import Parked, Straight, Turning, ego_motion, ego_pose
 from stixel_cli.scene.mesh import Part, corners
 from stixel_cli.scene.path import build_scenario, path_poses
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.scenario import Scenario, is_star_convex
+from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.shapes import box, part
 
 
@@ -30,6 +30,10 @@ def test_scenario_contains_the_ground_truth(kind):
     np.testing.assert_allclose(scenario.target_poses_world[0, :2], path.start)
     assert scenario.contours_target.ndim == 3 and scenario.contours_target.shape[2] == 2
     assert scenario.star_convex == all(map(is_star_convex, scenario.contours_target))
+
+
+def is_star_convex(contour):
+    return Scenario(np.zeros(1), *np.zeros((3, 1, 3)), contour[None]).star_convex
 
 
 GREY = np.full((1, 1, 3), 128, np.uint8)
