@@ -29,8 +29,7 @@ from stixel_cli.evaluation.contour_errors import (
     star_convex_upper_bound,
 )
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_ESTIMATES, OF_SIZE, SMOOTHED
-from stixel_cli.evaluation.scan_errors import LOW_OVERLAP, ScanErrors
-from stixel_cli.evaluation.scores import Scores
+from stixel_cli.evaluation.scores import LOW_OVERLAP, ScanErrors, Scores
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.own_code import loaded

@@ -20,8 +20,8 @@ def render_tiny_picture() -> None:
     """Call every kernel of `stixel_cli.rendering`."""
     from stixel_cli.config.compose import compose
     from stixel_cli.rendering.raycast import render
-    from stixel_cli.scene.ego import ego_motion
     from stixel_cli.scene.path import build_scenario
+    from stixel_cli.scene.scenario import ego_motion
 
     p = compose((*TINY, *OPTIONS)).configuration
     ego = ego_motion(p.ego, p.path.duration, p.path.sample_time)
