@@ -12,39 +12,39 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_257
+TOTAL = 45_160
 """Greatest number of lines in all."""
 
-MODULES = 241
+MODULES = 242
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
     "": 1356,
     "answers": 1356,
     "benchmark": 1004,
-    "calibration": 550,
+    "calibration": 559,
     "cli": 2600,
     "config": 2486,
-    "engine": 4215,
+    "engine": 4166,
     "evaluation": 1578,
     "experiment": 1223,
-    "export": 702,
-    "geometry": 412,
+    "export": 696,
+    "geometry": 407,
     "live": 617,
-    "machine": 179,
-    "measurements": 1787,
+    "machine": 186,
+    "measurements": 1778,
     "pictures": 1384,
-    "recordings": 2606,
+    "recordings": 2595,
     "rendering": 2168,
     "report": 735,
     "results": 1347,
     "scene": 3177,
     "stereo": 451,
-    "stixels": 2035,
+    "stixels": 2041,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6469,
-    "validation": 1222,
+    "tracking": 6433,
+    "validation": 1219,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

@@ -195,7 +195,7 @@ class Answer:
         reference = self.question.reference
         if not heard:
             unit = " and ".join(self.question.over) or "unit"
-            common = f"not compared: in each scenario, and for each {unit}, an option lacks a value"
+            common = f"not compared, as each scenario, and each {unit}, lacks a value of an option"
             return common if len(self.values.columns) else "no run has a value"
         if len(heard) == 1 or self.lacking or (self.best is None and reference is None):
             return self._named(heard) + over

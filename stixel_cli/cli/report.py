@@ -181,7 +181,7 @@ def _list(folder: Path, json: bool) -> None:
         tell(f"{folder}: no result folders")
     else:
         columns = ("folder", "settings", "verdict", *COLUMNS.values(), "created", "seed")
-        rows = [_row(*entry) for entry in entries]
+        rows = [[str(one.folder.relative_to(folder)), *_row(one, line)] for one, line in entries]
         print_table(columns, rows, right=(3, 4, 5, 7), leave_out=(6, 7, 5, 4))
 
 
@@ -212,7 +212,7 @@ def _row(run: "RunResult", line: Any) -> list[str]:
     # A line of the table may break at the spaces.
     settings = re.sub(r",(?=\S)", ", ", line.settings)
     seed = "" if run.seed is None else str(run.seed)
-    return [str(run.folder), settings, line.word, *shown, created, seed]
+    return [settings, line.word, *shown, created, seed]
 
 
 def _show_run(folder: Path, json: bool) -> None:

@@ -126,11 +126,11 @@ def print_answers(result: "SweepResult") -> None:
         [f"{text} *" if mark else text for text, mark in zip(*both, strict=True)]
         for both in zip(cells.rows[:_MOST_SHOWN], cells.best, strict=False)
     ]
-    first = cells.numbers[0]
-    last = range(len(cells.header) - 1, first + 1, -1)
-    print_table(cells.header, rows, right=cells.numbers, leave_out=last)
-    more = len(cells.rows) - _MOST_SHOWN
-    if more > 0:
+    # A narrow screen leaves out NEES and the outline's IoU first, then the last.
+    columns = [*enumerate(answers, len(cells.header) - len(answers))][:0:-1]
+    columns.sort(key=lambda one: one[1].question.metric not in ("nees_position_mean", "iou_mean"))
+    print_table(cells.header, rows, cells.numbers, leave_out=[i for i, _ in columns])
+    if (more := len(cells.rows) - _MOST_SHOWN) > 0:
         say(f"{counted(more, 'more option')}: summary.md")
     if any(True in marks for marks in cells.best):
         say("*: shown to be the best")

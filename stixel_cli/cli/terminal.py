@@ -186,7 +186,7 @@ def _near_option(wrong: str, context: Any) -> str:
     return suggestion(wrong, [*options, "--help"])
 
 
-NARROW = 16
+NARROW = 14
 """Characters to which the text of a column is wrapped before a column is left out."""
 
 GAP = 3

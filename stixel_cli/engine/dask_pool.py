@@ -18,6 +18,7 @@ from stixel_cli.border import connected, unpickled_bytes
 from stixel_cli.engine.errors import ExecutorError, WorkerDied
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
 from stixel_cli.engine.pools import Pool, settle
+from stixel_cli.errors import located
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -48,11 +49,13 @@ class DaskPool(Pool):
         self._workers = executor.workers
         self._counted = 0.0
         self._threads = 0
-        self._waiting_since: float | None = None
+        self._seen = time.monotonic()
         self._noted = False
+        logger = logging.getLogger("distributed")
         # What fails here, also Ctrl-C, closes what is open.
         with ExitStack() as opened:
-            opened.enter_context(_silence())
+            opened.callback(logger.setLevel, logger.level)
+            logger.setLevel(logging.CRITICAL)
             self._client = opened.enter_context(_client(executor))
             self._opened = opened.pop_all()
         self._address = self._client.scheduler.address
@@ -89,17 +92,12 @@ class DaskPool(Pool):
                 future.set_exception(future.task.exception() if status == "error" else error)
         self._count()
         if self._threads:
-            self._waiting_since, self._noted = None, False
-            return
-        now = time.monotonic()
-        if self._waiting_since is None:
-            self._waiting_since = now
-        elif now - self._waiting_since > LONG_PATIENCE:
-            raise ExecutorError(
-                f"no worker at the Dask scheduler {self._address} for {LONG_PATIENCE / 60:.0f} min"
-            )
-        elif now - self._waiting_since > COUNT_INTERVAL and not self._noted:
-            note(f"waiting for workers at {self._address}, {LONG_PATIENCE / 60:.0f} min at most")
+            self._seen, self._noted = time.monotonic(), False
+        waited, most = time.monotonic() - self._seen, f"{LONG_PATIENCE / 60:.0f} min"
+        if waited > LONG_PATIENCE:
+            raise ExecutorError(f"no worker at the Dask scheduler {self._address} for {most}")
+        if waited > COUNT_INTERVAL and not self._noted:
+            note(f"waiting for workers at {self._address}, {most} at most")
             self._noted = True
 
     def _count(self) -> None:
@@ -145,9 +143,7 @@ class DaskPool(Pool):
         self._opened.close()
 
     def _lost(self) -> ExecutorError:
-        return ExecutorError(
-            f"the Dask scheduler at {self._address} is gone; computed results are kept"
-        )
+        return ExecutorError(f"the Dask scheduler at {self._address} is gone; results are kept")
 
 
 def _run(call: bytes) -> None:
@@ -184,22 +180,7 @@ def _client(executor: DaskExecutor) -> Iterator["Client"]:
 
 
 def _distributed() -> ModuleType:
-    try:
+    required = f"executor=dask requires Dask: pip install '{PROGRAM}[dask]'"
+    with located(required, ExecutorError, ImportError):
         import distributed
-    except ImportError as error:
-        raise ExecutorError(
-            f"executor=dask requires Dask: pip install '{PROGRAM}[dask]'"
-        ) from error
     return distributed
-
-
-@contextmanager
-def _silence() -> Iterator[None]:
-    """Silence the logger of Dask inside the `with` block."""
-    logger = logging.getLogger("distributed")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)

@@ -1,8 +1,9 @@
 """Errors of the engine. Those with `one_line` have a message of one line for the user."""
 
 import errno
-import os.path
+import os
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -125,8 +126,6 @@ def _is_own(file: str) -> bool:
 
 def _near(file: str) -> str:
     """The path relative to the working directory, if the file is below it."""
-    try:
-        path = os.path.relpath(file)
-    except (OSError, ValueError):
-        return file
-    return file if path.startswith(os.pardir) else path
+    with suppress(OSError, ValueError):
+        return str(Path(file).absolute().relative_to(Path.cwd()))
+    return file

@@ -33,27 +33,18 @@ class Change:
     read in only one of the two."""
 
     def __str__(self) -> str:
-        match self.kind:
-            case "new":
-                return f"new: no result of {self.what} is stored"
-            case "evicted":
-                return "removed from the cache"
-            case "needed":
-                return "its result is not stored"
-            case "code" if self.before == "changed":
-                return f"code: {self.what} changed"
-            case "code":
-                return f"code: {self.what} is {self.before}"
-            case "input":
-                return f"input changed: {self.what}"
-            case "file":
-                return f"the content of {self.what} changed"
-            case "setting" if not self.before:
-                return f"{self.what} is read now"
-            case "setting" if not self.after:
-                return f"{self.what} is no longer read"
-            case _:
-                return f"{self.what} changed from {self.before} to {self.after}"
+        what, read = self.what, "no longer read" if self.before else "read now"
+        texts = {
+            "new": f"new: no result of {what} is stored",
+            "evicted": "removed from the cache",
+            "needed": "its result is not stored",
+            "code": f"code: {what} {'' if self.before == 'changed' else 'is '}{self.before}",
+            "input": f"input changed: {what}",
+            "file": f"the content of {what} changed",
+        }
+        if self.kind == "setting" and not (self.before and self.after):
+            return f"{what} is {read}"
+        return texts.get(self.kind, f"{what} changed from {self.before} to {self.after}")
 
 
 @dataclass(frozen=True)

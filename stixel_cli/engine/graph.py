@@ -3,7 +3,6 @@
 import pickle
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 from stixel_cli.engine.code import CodeIndex
@@ -79,15 +78,11 @@ class Graph:
 
         KeyError if there is no such node or stage.
         """
-        ids: dict[str, None] = {}
         for target in targets:
-            if target in self.stages:
-                ids.update(dict.fromkeys(self.stages[target]))
-            elif target in self.nodes:
-                ids[target] = None
-            else:
+            if target not in self.stages and target not in self.nodes:
                 raise KeyError(f"no node or stage {target!r}")
-        return list(ids)
+        ids = (key for target in targets for key in self.stages.get(target, (target,)))
+        return list(dict.fromkeys(ids))
 
     def ancestors(self, targets: Iterable[str]) -> set[str]:
         """Ids of the target nodes and of all nodes that they depend on."""
@@ -113,20 +108,16 @@ def merge(graphs: Iterable[Graph]) -> Graph:
     """Merge graphs. Nodes that several graphs share appear once; all nodes keep their ids."""
     nodes: dict[str, Node] = {}
     stages: dict[str, dict[str, None]] = {}
-    before: dict[str, dict[str, None]] = {}
     for graph in graphs:
         nodes.update(graph.nodes)
         for name, ids in graph.stages.items():
             stages.setdefault(name, {}).update(dict.fromkeys(ids))
-            sources = before.setdefault(name, {})
-            for node in ids[:1]:
-                sources.update(dict.fromkeys(graph.nodes[node].stage.inputs.values()))
-    try:
-        order = list(TopologicalSorter(before).static_order())
-    except CycleError:
-        # Two graphs order the same names differently. The order is only for display.
-        order = list(stages)
-    return Graph(nodes, {name: tuple(stages[name]) for name in order})
+    # In each graph the first node of a stage is deeper than those of its inputs.
+    depths = {
+        name: min((nodes[key].depth for key in ids), default=len(nodes))
+        for name, ids in stages.items()
+    }
+    return Graph(nodes, {name: tuple(stages[name]) for name in sorted(stages, key=depths.get)})
 
 
 class GraphBuilder:
@@ -239,9 +230,7 @@ class _OneGraph:
         for node in ids:
             if stage.pattern == "pick" and self.nodes[node].first == first:
                 return (node,)
-        raise ValueError(
-            f"stage {stage.name} needs frame {first} of {source.name}, which picks other frames"
-        )
+        raise ValueError(f"stage {stage.name} needs frame {first} of {source.name}, which lacks it")
 
 
 def _in_order(stages: Sequence[Stage]) -> dict[str, Stage]:

@@ -91,7 +91,7 @@ def _rich_bar() -> Any:
     return bar
 
 
-class Progress:
+class Progress(Display):
     """Count nodes and frames, and show them if `visible`; notes are always shown.
 
     All calls come from the thread of the execution. With `advice`, files are noted that the user's
@@ -99,7 +99,8 @@ class Progress:
     """
 
     def __init__(self, visible: bool = False, advice: bool = False):
-        self.display, self.visible, self.advice = Display(), visible, advice
+        super().__init__()
+        self.visible, self.advice = visible, advice
         # By the name of the stage.
         self.total: Counter[str] = Counter()
         self.done: Counter[str] = Counter()
@@ -164,15 +165,7 @@ class Progress:
     def tick(self) -> None:
         """Update the display. Called several times per second."""
         if self.visible and self.all_total and time.monotonic() - self.began > PATIENCE:
-            self.display.show(self.share, self.text)
-
-    def note(self, text: str) -> None:
-        """Print one line for the user."""
-        self.display.note(text)
-
-    def close(self) -> None:
-        """End the display; the next `tick` may show it again."""
-        self.display.close()
+            self.show(self.share, self.text)
 
     @property
     def all_done(self) -> int:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from stixel_cli.engine.cache_folder import store_json, stored_json
 from stixel_cli.engine.errors import InvalidCode
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, located
 from stixel_cli.files import GREATEST_ARRAYS, opened
 
 SOURCES = "sources"
@@ -96,10 +96,8 @@ def declared_files(path: Path, source: Source) -> Iterator[tuple[str, Path, str]
     for name in source.files or ():
         if Path(name).is_absolute():
             raise InvalidCode(f"{path}: FILES: {name}: must be relative to the module's folder")
-        try:
+        with located(f"{path}: FILES", InvalidCode, UserError):
             yield name, path.parent / name, content_digest(path.parent / name)
-        except UserError as error:
-            raise InvalidCode(f"{path}: FILES: {error}") from error
 
 
 def content_digest(path: Path, greatest: int = GREATEST_ARRAYS) -> str:

@@ -170,7 +170,7 @@ TABLE: dict[str, Definition] = {
         "rig recording.tables source.by_motion",
         recorded="pose_files",
     ),
-    "calibrated_rig": stage("geometry.rig_calibration:calibrated_rig"),
+    "calibrated_rig": stage("calibration.calibrated_rig:calibrated_rig"),
     "camera_pictures": stage(
         "pictures.camera:camera_pictures", "rig road occupancy", "pick", pictures=True
     ),

@@ -18,7 +18,7 @@ from stixel_cli.config.compose import Composer
 from stixel_cli.config.overrides import read_overrides
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.progress import Progress
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, located
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.experiment.stages import computed_stages, pipeline_stages
 from stixel_cli.export.stx1 import export_stx1
@@ -278,10 +278,8 @@ def _numbers(values: ArrayLike) -> str:
 
 def export_rerun(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
     """Write `run.rrd`, which `rerun FILE` shows: all scans, in m in the world frame, z = 0."""
-    try:
+    with located("--format: rerun needs rerun: pip install 'stixel[rerun]'", caught=ImportError):
         import rerun as library
-    except ImportError:
-        raise UserError("--format: rerun needs rerun: pip install 'stixel[rerun]'") from None
     run = run_experiment(stored.composition, progress, pictures=False, camera=True)
     scenario, scans, track = run.scenario, run.scans, run.track
     with whole_folder(folder) as partial:
@@ -319,10 +317,8 @@ def _log_camera(library: Any, recording: Any, chunk: CameraFrames, times: np.nda
         low = np.column_stack([chunk.left[rows], chunk.top[rows]])
         sizes = scale * (np.column_stack([chunk.right[rows], chunk.base[rows] + 1]) - low)
         colours = np.round(255.0 * depth_colours(chunk.depth[rows])).astype(np.uint8)
-        look = {"colors": colours, "radii": LINE_RADIUS}
-        recording.log(
-            "camera/image/stixels", library.Boxes2D(mins=scale * low, sizes=sizes, **look)
-        )
+        boxes = library.Boxes2D(mins=scale * low, sizes=sizes, colors=colours, radii=LINE_RADIUS)
+        recording.log("camera/image/stixels", boxes)
 
 
 def _log_outline(library, recording, name: str, outline: np.ndarray, colour) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.answers.runs import known
-from stixel_cli.errors import UserError, printable_path
+from stixel_cli.errors import UserError, located, printable_path
 from stixel_cli.results import result
 from stixel_cli.results.folder import PAGE, whole_folder
 from stixel_cli.sweeps.folder import SweepResult, read_sweep
@@ -28,10 +28,8 @@ def export_mlflow(folder: Path, target: Path) -> None:
     # Before the import, which reads them: an offline export calls nobody, and says no more than us.
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
-    try:
+    with located("--format: mlflow needs mlflow: pip install 'stixel[mlflow]'", caught=ImportError):
         from mlflow.tracking import MlflowClient
-    except ImportError:
-        raise UserError("--format: mlflow needs mlflow: pip install 'stixel[mlflow]'") from None
     is_sweep = (folder / result.SWEEP_FILE).exists()
     run = None if is_sweep else result.read_run(folder)
     sweep = read_sweep(folder) if is_sweep else None

@@ -64,7 +64,7 @@ def stixel_world(
             cluster=TARGET if of_target[row] else OTHER,
         )
     camera = world.context.calibration
-    camera.K.extend([rig.focal, 0.0, rig.u0, 0.0, rig.focal_v, rig.v0, 0.0, 0.0, 1.0])
+    camera.K.extend(rig.camera_matrix.ravel().tolist())
     camera.T.extend(np.eye(4).ravel().tolist())
     camera.R.extend(np.eye(4).ravel().tolist())
     camera.D.extend([0.0] * 5)
@@ -84,7 +84,7 @@ def export_stx1(stored: "RunResult", folder: Path, progress: "Progress | None" =
     from stixel_cli.experiment.stages import computed_stages
     from stixel_cli.results.folder import whole_folder
 
-    library = stx1_library("--format")
+    library = stx1_library("--format stx1")
     configuration = stored.composition.configuration
     rig, kind = configuration.rig, configuration.road_user.kind
     images = "add_sensor_noise" if configuration.source.kind == "rendered" else "pairs"

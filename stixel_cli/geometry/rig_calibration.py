@@ -83,8 +83,3 @@ def with_error(rig: Rig, error: np.ndarray, covariance: np.ndarray, more: np.nda
     stds = np.sqrt(np.einsum("ni,ij,nj->n", at, covariance, at) + more**2)
     error, stds = tuple(error.round(4).tolist()), tuple(stds.round(3).tolist())
     return replace(rig, disparity_error=error, disparity_error_std=stds)
-
-
-def calibrated_rig(calibration: RigCalibration) -> Rig:
-    """The rig with the error that its calibration has found."""
-    return calibration.rig

@@ -57,7 +57,7 @@ class FabricatedParameters(Disturbance):
         """Raise ValueError if there are more rays than the image of `rig` has columns."""
         if self.rays is not None and self.rays > rig.width:
             raise ValueError(
-                f"measurement.rays: must be ≤ rig.width ({rig.width} columns), got {self.rays}"
+                f"measurement.rays: must be ≤ rig.width ({rig.width}), got {self.rays}"
             )
 
 

@@ -62,12 +62,9 @@ def read_truth(
         if len(np.unique(k)) < len(k):
             raise UserError(f"{file}: each scan must have one row only: give one target")
         if len(k) == 0:
-            raise UserError(
-                f"{file}: has no rows: leave out measurement.truth if there is no truth"
-            )
-        for name in ("heading", "heading_rate"):
-            if name in table:
-                table[name] = tables.in_radians(table[name], angle_unit)
+            raise UserError(f"{file}: has no rows: without a truth leave out measurement.truth")
+        for name in {"heading", "heading_rate"} & table.keys():
+            table[name] = tables.in_radians(table[name], angle_unit)
         poses[k] = np.stack([table[name] for name in ("x", "y", "heading")], axis=1)
         if RATES[0] in table:
             rates[k] = np.stack([table[name] for name in RATES], axis=1)

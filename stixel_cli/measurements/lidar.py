@@ -63,15 +63,13 @@ def lidar_scans(
     The covariance of a point is the noise along the beam, projected to the ground, and (r dtheta)²
     / 12 across. `field_of_view` has the bearings of the lidar's right and left border, rad.
     """
-    scans, heights = [], []
-    for k, (_, pose) in enumerate(zip(returns.ranges, ego_motion.poses_world, strict=True)):
-        random = generator(seed, "lidar", k)
-        *points, height = _scan(returns, k, pose, measurement, random)
-        scans.append(tuple(points))
-        heights.append(height)
+    scans = [
+        _scan(returns, k, pose, measurement, generator(seed, "lidar", k))
+        for k, pose in enumerate(ego_motion.poses_world)
+    ]
     view = FieldOfView(*field_of_view)
-    known = heights if measurement.returns == "all" else None
-    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, view, heights=known)
+    heights = [scan[2] for scan in scans] if measurement.returns == "all" else None
+    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, view, heights=heights)
 
 
 def _scan(

@@ -128,12 +128,8 @@ class Scans:
     heights: np.ndarray | None = None
 
     def __post_init__(self):
-        wrong = np.flatnonzero(~(np.abs(self.times) <= FARTHEST))
-        if len(wrong):
-            raise ValueError(
-                f"the time of scan {wrong[0]} must be within ±{FARTHEST:g} s, "
-                f"got {self.times[wrong[0]]:g}"
-            )
+        for k in np.flatnonzero(~(np.abs(self.times) <= FARTHEST)):
+            raise ValueError(f"scan {k} is at {self.times[k]:g} s, must be within ±{FARTHEST:g} s")
 
     @classmethod
     def of_each(

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.errors import UserError, printable
+from stixel_cli.errors import UserError, located, printable
 from stixel_cli.files import read_bytes, remembered
 from stixel_cli.recordings.kitti_tables import GREATEST, MOST_ROWS, seen_box, tracks_of
 from stixel_cli.recordings.times import GREATEST_GAP, poses_at, unit_rotations
@@ -254,11 +254,10 @@ def read_columns(
     missing or of another type, or a number is too large.
     """
     data = read_bytes(file, LARGEST)
-    try:
+    needs = "source=argoverse needs pyarrow: pip install 'stixel[argoverse]'"
+    with located(needs, caught=ImportError):
         import pyarrow
         from pyarrow.dataset import IpcFileFormat
-    except ImportError:
-        raise UserError("source=argoverse needs pyarrow: pip install 'stixel[argoverse]'") from None
     try:
         content = IpcFileFormat().make_fragment(pyarrow.BufferReader(data))
         # The heads of the batches have the numbers of rows: nothing is unpacked for them.

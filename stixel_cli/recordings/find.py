@@ -280,19 +280,14 @@ def _common_size(
                 folder = next(iter(files.values())).parent
                 raise UserError(f"{folder}: the image of frame {number} is missing")
             first_of.setdefault(image_size(files[number]), files[number])
-    size, *others = first_of
-    for width, height in others:
-        before = f"but the images before have {size[0]} × {size[1]} px"
-        raise UserError(f"{first_of[width, height]}: {width} × {height} px, {before}")
-    if rectification is None:
-        return size
-    if size != rectification.file_size:
-        width, height = rectification.file_size
-        raise UserError(
-            f"{images[0][frames[0]]}: {size[0]} × {size[1]} px, "
-            f"but its calibration has {width} × {height} px"
-        )
-    return rectification.size
+    expected, whose = next(iter(first_of)), "the images before have"
+    if rectification is not None:
+        expected, whose = rectification.file_size, "its calibration has"
+    for size, file in first_of.items():
+        if size != expected:
+            found, other = (f"{width} × {height} px" for width, height in (size, expected))
+            raise UserError(f"{file}: {found}, but {whose} {other}")
+    return expected if rectification is None else rectification.size
 
 
 LAYOUTS = (

@@ -63,9 +63,7 @@ def find_motion(folder: Path, sequence: str | None) -> Recording:
         known = ", ".join(sequences(root))
         raise UserError(f"path.sequence: {labels}: no such file; there are {known}")
     if not poses[-1].is_file():
-        raise UserError(
-            f"path.sequence: {poses[-1]}: no such file; the ego car's motion is required"
-        )
+        raise UserError(f"path.sequence: {poses[-1]}: no such file; ego poses are required")
     calibration = read_calibration(root / "calib" / f"{name}.txt", ("P2", "P3"))
     return Recording(
         layout="kitti_tracking",
@@ -109,10 +107,10 @@ def _frames(path: ReplayedPath, known: list[int]) -> range:
             f"path.{key}: {track} has {len(inside)} labelled frames with an ego pose here, "
             f"at least {LEAST_FRAMES} are needed"
         )
-    if (inside[0], inside[-1] + 1) != (chosen.start, chosen.stop):
+    labelled = f"{inside[0]}:{inside[-1] + 1}"
+    if labelled != f"{chosen.start}:{chosen.stop}":
         raise UserError(
-            f"path.frames: {track} has no label at an end of {path.frames}; "
-            f"{inside[0]}:{inside[-1] + 1} has"
+            f"path.frames: {track} has no label at an end of {path.frames}; {labelled} has"
         )
     return chosen
 

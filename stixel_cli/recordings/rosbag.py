@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.errors import UserError, printable
+from stixel_cli.errors import UserError, located, printable
 from stixel_cli.files import GREATEST_RECORDING, opened, read_yaml, remembered
 from stixel_cli.recordings.image_files import GREATEST_IMAGE, check_sides, decoded, size_in
 from stixel_cli.recordings.kitti_tables import rectified_pair
@@ -120,10 +120,8 @@ def read_messages(
     UserError if the files are not a bag or damaged, one of the `topics` is missing or of other
     `types`, there is no message, or one is too large.
     """
-    try:
+    with located("source=rosbag needs rosbags: pip install 'stixel[rosbag]'", caught=ImportError):
         from rosbags import rosbag1, rosbag2
-    except ImportError:
-        raise UserError("source=rosbag needs rosbags: pip install 'stixel[rosbag]'") from None
     name, number, first = f"{bag_of(files)}: {', '.join(topics)}", 0, files[0].suffix == ".bag"
     try:
         with (rosbag1 if first else rosbag2).Reader(bag_of(files)) as bag:

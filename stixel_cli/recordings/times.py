@@ -33,8 +33,7 @@ def common_frames(
     for name, (start, end) in spans.items() if chosen else ():
         if chosen.start < start or chosen.stop > end:
             raise UserError(
-                f"source.frames: {chosen.start}:{chosen.stop} is not within "
-                f"{start}:{end}, the frames of {name}"
+                f"source.frames: {text} is not within {start}:{end}, the frames of {name}"
             )
     if not chosen and not common:
         words = "; ".join(f"{name} {start}:{end}" for name, (start, end) in spans.items())

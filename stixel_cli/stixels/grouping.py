@@ -186,7 +186,13 @@ def front_face(count, total, columns, extent):
             mean = summed / pixels
             if not found or mean > nearest:
                 found, nearest = True, mean
-    return nearest if found else total.sum() / max(count.sum(), 1)
+    if found:
+        return nearest
+    pixels, summed = 0, 0.0
+    for v in range(len(count)):
+        pixels += count[v]
+        summed += total[v]
+    return summed / max(pixels, 1)
 
 
 @njit(inline="always")

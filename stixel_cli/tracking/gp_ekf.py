@@ -26,7 +26,6 @@ from stixel_cli.tracking.track import InitialState, Track, contour_directions
 
 if TYPE_CHECKING:
     from stixel_cli.tracking.gp_ekf_covariance import StatedCovariance
-    from stixel_cli.tracking.one_side import OneSide
 
 
 @parameters
@@ -95,7 +94,7 @@ def track(
         tracker.jitter,
         mean_radius(prior) if tracker.mean_function == "class_radius" else 0.0,
     )
-    side = stated = None
+    stated, radii = None, prior_radii(prior, process.basis_angles)
     if tracker.seen_by is not None:
         # Numba takes half a second to import, and every command imports this module.
         from stixel_cli.tracking.gp_ekf_covariance import StatedCovariance
@@ -103,7 +102,7 @@ def track(
 
         side = OneSide(prior, tracker, process, scans)
         stated = StatedCovariance(initial.covariance, tracker.forgetting_rate, side)
-    radii = prior_radii(prior, process.basis_angles) if side is None else side.radii
+        radii = side.radii
     mean = np.concatenate([initial.mean, radii])
     covariance = block_diag(initial.covariance, process.covariance)
     filtered = Filtered(scans, len(mean))
@@ -128,9 +127,7 @@ def track(
             mean, covariance, *tie = motion.tied_to_velocity(mean, covariance, tracker.slip)
             if stated:
                 stated.correct_by_one(*tie, tracker.slip**2)
-        mean, covariance, indices, nis = _updated(
-            (mean, covariance), scan, process, (side, stated), tracker
-        )
+        mean, covariance, indices, nis = _updated(mean, covariance, scan, process, stated, tracker)
         filtered.add(mean, stated.reported if stated else covariance, indices, nis)
         if tracker.lag != 0:
             last = steps[-1] if steps else None
@@ -150,27 +147,25 @@ def track(
 
 
 def _updated(
-    predicted: tuple[np.ndarray, np.ndarray],
+    mean: np.ndarray,
+    covariance: np.ndarray,
     scan: Scan,
     process: ContourProcess,
-    one_side: "tuple[OneSide | None, StatedCovariance | None]",
+    stated: "StatedCovariance | None",
     tracker: GpEkfParameters,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Mean and covariance after a scan, the indices (m,) of its points that were used, the NIS."""
-    mean, covariance = predicted
-    side, stated = one_side
     points, variance = scan.points, tracker.measurement_std**2
-    if side is not None:
+    if stated:
+        side = stated.side
         rays, shape_stds = side.rays(scan, mean, stated.position)
         points = rays.points_world
     indices = _associated(points, mean, covariance, process, tracker)
-    if side is not None:
-        indices = indices[~rays.others[indices]]
-    if side is not None and len(indices):
+    if stated:
         indices = side.target(rays, indices, mean, covariance)
     if not len(indices):
         return mean, covariance, indices, np.nan
-    if side is None:
+    if not stated:
         model = linearise(points[indices], mean, process)
         mean, covariance, _, nis = update(mean, covariance, model, variance, tangential=True)
         return mean, covariance, indices, nis

@@ -17,25 +17,25 @@ from stixel_cli.tracking.one_side import OneSide
 
 
 class StatedCovariance(JointCovariance):
-    """That of the state of `gp_ekf` and of the errors that it considers."""
+    """That of the state of `gp_ekf` and of the errors that it considers, seen from one `side`."""
 
     def __init__(self, initial: np.ndarray, forgetting_rate: float, side: OneSide):
         """From the covariance (6, 6) of the start.
 
         Radii that are not seen are forgotten at the `forgetting_rate`, 1/s.
         """
-        radii = side.radii_covariance
-        self._side = side
-        memory = 1.0 / forgetting_rate if forgetting_rate else np.inf
-        of_radii, of_shape = [memory] * len(radii), [FIELD_TIME] * NODES
-        memories = np.array(of_radii + of_shape + [np.inf] * side.shared_errors)
-        super().__init__(block_diag(initial, radii), memories, len(radii))
+        self.side, count = side, len(side.radii)
+        memories = np.repeat(
+            [1.0 / forgetting_rate if forgetting_rate else np.inf, FIELD_TIME, np.inf],
+            [count, NODES, side.shared_errors],
+        )
+        super().__init__(block_diag(initial, side.radii_covariance), memories, count)
 
     @property
     def reported(self) -> np.ndarray:
         """Covariance (6 + N, 6 + N) of pose, rates, and radii with the limbs where they are."""
         reported = self.matrix[: self.size, : self.size].copy()
-        reported[6:, 6:] += self._side.limb_covariance
+        reported[6:, 6:] += self.side.limb_covariance
         return reported
 
     @property
@@ -54,8 +54,8 @@ class StatedCovariance(JointCovariance):
         gradients, (matrix, variances) = model.gradients, model.rows
         along = (gradients * rays.directions).sum(axis=1)
         squares = (gradients**2).sum(axis=1)
-        own = (self._side.std_factor * rays.stds * along) ** 2 + variances
-        own += self._side.roughness**2 * squares
+        own = (self.side.std_factor * rays.stds * along) ** 2 + variances
+        own += self.side.roughness**2 * squares
         own += (squares - along**2) * rays.across_variances
         field = (shape_stds * along)[:, None] * field_weights(model.angles)
         shared = (gradients[:, None] @ rays.shared)[:, 0]

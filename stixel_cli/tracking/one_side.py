@@ -128,6 +128,7 @@ class OneSide:
         with most points near it, by a robust fit of the pose: a target that turns or brakes has
         all of its points elsewhere, a neighbour has not.
         """
+        candidates = candidates[~rays.others[candidates]]
         labels = segments(rays)[candidates]
         model = linearise(rays.points_world[candidates], mean, self._process)
         return candidates[fitting(labels, model.pose_matrix, model.residuals, covariance)]

@@ -16,7 +16,11 @@ PLACING_STD, TAIL = 0.1, 0.3
 
 
 @returning(
-    lambda labels, *_: (np.zeros(len(labels), bool), np.zeros(labels.max() + 1), np.zeros((6, 3)))
+    lambda labels, *_: (
+        np.zeros(len(labels), bool),
+        np.zeros(labels.max(initial=0) + 1),
+        np.zeros((6, 3)),
+    )
 )
 @njit(cache=True, error_model="numpy")
 def fitting(fits, weights, work, labels, slopes, residuals, covariance):

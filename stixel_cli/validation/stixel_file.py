@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, located
 from stixel_cli.files import read_bytes
 from stixel_cli.measurements.tables import read_table, refuse_rows
 from stixel_cli.recordings.image_files import GREATEST_SIDE, decoded, rgb
@@ -38,12 +38,9 @@ class StixelFile:
 
 def stx1_library(asked_by: str) -> Any:
     """pyStixel-lib; UserError without it, that names what needs it."""
-    try:
+    needs = f"{asked_by} needs pyStixel-lib: pip install 'stixel[stx1]'"
+    with located(needs, caught=ImportError):
         import stixel
-    except ImportError:
-        raise UserError(
-            f"{asked_by}: stx1 needs pyStixel-lib: pip install 'stixel[stx1]'"
-        ) from None
     return stixel
 
 

@@ -136,7 +136,7 @@ def test_options_are_compared_over_what_all_of_them_have():
     assert answer.sentence.startswith("Mean IoU, box: point 0.907 [0.891, 0.922] is the best (4 ")
     assert answer.notes[0] == "Left out: cyclist, where mine lacks values."
     answer = of_values({"a": {"turn": [0.9, None]}, "b": {"turn": [None, 0.5]}}).ask()
-    assert "in each scenario, and for each seed, an option lacks" in answer.sentence
+    assert "not compared, as each scenario, and each seed, lacks" in answer.sentence
     assert answer.notes[0] == "Left out: turn, where a and b lack values."
     apart = {"a": {"p": [0.9, None], "q": [None] * 2}, "b": {"p": [None, 0.5], "q": [None] * 2}}
     assert of_values(apart).ask().over == "0 of 2 seeds"

@@ -191,7 +191,7 @@ def test_ls_names_it_and_lists_the_others(results, capsys, name, kind):
     said = capsys.readouterr()
     assert said.err.count("\n") == 1
     assert name in said.err
-    assert all(f"{results}/{one}" in said.out for one in ("run", "sweep", "whole"))
+    assert all(f"\n{one} " in said.out for one in ("run", "sweep", "whole"))
     assert main(["ls", str(results), "--json"]) == 0
     listed = {Path(one["path"]).name: one for one in json.loads(capsys.readouterr().out)}
     assert listed["run"]["fault"] is not None

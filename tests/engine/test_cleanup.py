@@ -123,7 +123,7 @@ def test_a_bad_entry_that_cannot_be_removed(store, monkeypatch):
     bad = []
     assert len(entries(store, bad, values=True)) == 4
     ((one, fault),) = bad
-    assert one.label == "label1" and "truncated" in fault.reason and not fault.removed
+    assert one.label == "label1" and "content has changed" in fault.reason and not fault.removed
 
 
 def test_clear(store):

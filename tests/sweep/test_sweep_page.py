@@ -85,7 +85,7 @@ def test_without_a_common_unit_there_is_no_figure(folder, tmp_path):
         shutil.rmtree(folder / f"runs/{index + 4 * (index % 2):04d}")
     assert report([folder], tmp_path / "page.html") == 0
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "for each seed, an option lacks a value" in html and "the runs in its header" in html
+    assert "each seed, lacks a value of an option" in html and "the runs in its header" in html
     assert "<h2>Values and differences</h2>" in html and 'aria-label="Values and diff' not in html
 
 

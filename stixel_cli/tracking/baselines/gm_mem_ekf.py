@@ -6,15 +6,8 @@ of S. Yang, M. Baum 2019, *Tracking the orientation and axes lengths of an ellip
 object*, IEEE Transactions on Signal Processing 67(18).
 
 The state is x, y and their rates, and the shape: the angle of the first axis and the half sizes
-along both axes, m, with S = R(angle) diag(half sizes). A point of side j is
-
-    y = x^c + S h + e,    h ~ N(h_j, C_j),    e ~ N(0, R):
-
-h_j is the side's middle and C_j spreads the points evenly along it, in half sizes. The innovation
-v = y - x^c - S h_j corrects x^c. Its covariance C is P + S C_j Sᵀ + R and a term of the shape's
-covariance. The squares v_x², v_y², v_x v_y correct the shape: their mean is C, and their covariance
-that of a Gaussian's moments. Each side that the sensor sees gives a posterior; a Gaussian with the
-mean and the covariance of their mixture replaces them. The points are used one by one.
+along both axes, m. A point of side j is at the side's middle h_j, with the covariance C_j along it,
+both in half sizes. Equations: `docs/theory.md`, "A mixture of sides".
 """
 
 from typing import Annotated, Literal, NamedTuple

@@ -7,20 +7,9 @@ Scientific Reports 13, with the former's other equations ("LiImproved" there).
 
 The state is x, y and their rates (m and m/s, world frame), and the extension X (2, 2) m² of the
 rectangle: its eigenvectors are along the sides, its eigenvalues the squared half sizes. X has an
-inverse Wishart density with the weight alpha, a number of points. The update is that of
-M. Feldmann, D. Fränken, W. Koch 2011, *Tracking of extended objects and group targets using random
-matrices*, IEEE Transactions on Signal Processing 59(4), but for two things.
-
-- The measured centre m is not the mean of the points. `ends`: the middle between the first and the
-  last point from right to left: if two sides are seen, these are opposite corners. `midpoints`: the
-  i-th point from the right and the i-th from the left have a midpoint. The line through all of
-  these is cut where it is as far away, along the rays, as the first and as the last point; the
-  centre is the middle of both cuts.
-- The scatter about this centre of points that are even on two sides is z X with z = 2/3.
-
-With V the scale matrix of the inverse Wishart density, its mean is V / alpha, which the update
-takes; the estimate X that is reported and predicted is V / (alpha + 3), as the authors have it.
-Over an interval T, X stays and alpha becomes alpha e^(-T / tau).
+inverse Wishart density with the weight alpha, a number of points. With V its scale matrix, its mean
+is V / alpha, which the update takes; the estimate X that is reported and predicted is
+V / (alpha + 3), as the authors have it. Equations: `docs/theory.md`, "Random matrices".
 """
 
 from typing import Annotated, Literal

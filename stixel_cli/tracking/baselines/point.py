@@ -2,15 +2,10 @@
 
 State: x, y and their rates, m and m/s, world frame. The contour is a circle of the same area as the
 prior's shape; nothing of it is estimated. The filter is Bar-Shalom, Li & Kirubarajan 2001, chapter
-5 and (6.2.2): a white acceleration moves the target.
-
-The measurement is the centroid of the n points in the gate. It has two errors. One is
-independent from point to point and falls with n: a point's noise, and its place on the target,
-whose variance along each axis is that of the circle's area, r²/4 (Koch 2008 has the same form X / n
-for an extended target). All points share the other: only the side towards the sensor is seen, and
-its centroid is off the centre by a good part of r. So R = ((c r)² + (r²/4 + sigma²) / n) I, with
-c the configuration's `centroid_offset`. The shared error is no white noise: it stays for as long as
-the same side is seen, so no such filter can be consistent.
+5 and (6.2.2): a white acceleration moves the target. One part of the centroid's error falls with
+the number of points (Koch 2008 has the same form for an extended target), the other is shared by
+all of them: only the side towards the sensor is seen. It stays for as long as the same side is
+seen, so no such filter can be consistent. Equations: `docs/theory.md`, "The centroid".
 """
 
 from dataclasses import replace

@@ -1,23 +1,10 @@
 """An extended Kalman filter on an oriented rectangle, with the sides that the sensor sees.
 
-State: x, y, heading psi, their rates, length and width; world frame, m, rad, s. The pose moves as
-in thesis (62), the size stays. The sensor sees one or two sides of the predicted rectangle. Each
-point belongs to the nearest of them. With the side's outward normal n and the point q, both in the
-target's frame, and half the length or width h, the measurement is
-
-    nᵀ q - f h = 0 + error of the side + error of the point
-
-f is the area of the class's shape over that of its box: the sides of a shape that is not a
-rectangle are on average nearer to its middle. The error of a side, such as a bent one, is the same
-for all its points in a scan, so n points are not n independent ones. The first and the last point
-from right to left are near the corners where the rectangle ends for the sensor. With the unit
-vector a across the ray through such a point z, towards the outside, and the corner c in the world,
-
-    aᵀ (c - z) = half the distance of neighbouring rays + error
-
-This makes the rest of the pose and the size observable. A road user does not slide sideways: the
-velocity across the heading is measured as 0 ± slip. Rows with a large normalised innovation are
-left out.
+State: x, y, heading, their rates, length and width; world frame, m, rad, s. A point is measured as
+its distance from the nearest visible side, with an error that all points on a side share. The first
+and the last point from right to left are near the corners where the rectangle ends for the sensor,
+which makes the rest of the pose and the size observable. The velocity across the heading is 0 ±
+slip. Equations: `docs/theory.md`, "The rectangle".
 """
 
 from typing import Annotated, Literal, NamedTuple
