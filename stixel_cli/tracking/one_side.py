@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
-from stixel_cli.geometry.kernel import returning
-from stixel_cli.geometry.polygon import first_hits
+from stixel_cli.geometry.kernel import first_hits, returning
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
