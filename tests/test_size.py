@@ -12,17 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-<<<<<<< HEAD
 TOTAL = 45_050
 """Greatest number of lines in all."""
 
 MODULES = 241
-=======
-TOTAL = 45_050
-"""Greatest number of lines in all."""
-
-MODULES = 241
->>>>>>> scene
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -32,31 +25,18 @@ BUDGET = {
     "calibration": 559,
     "cli": 2581,
     "config": 2486,
-<<<<<<< HEAD
     "engine": 4123,
     "evaluation": 1578,
     "experiment": 1223,
-=======
-    "engine": 4123,
-    "evaluation": 1578,
-    "experiment": 1223,
->>>>>>> scene
     "export": 696,
     "geometry": 407,
     "live": 617,
     "machine": 186,
     "measurements": 1778,
-<<<<<<< HEAD
     "pictures": 1384,
     "recordings": 2592,
     "rendering": 2168,
     "report": 735,
-=======
-    "pictures": 1384,
-    "recordings": 2592,
-    "rendering": 2168,
-    "report": 735,
->>>>>>> scene
     "results": 1347,
     "scene": 3177,
     "stereo": 451,
