@@ -8,6 +8,8 @@ import gc
 import sys
 from time import perf_counter
 
+import numpy as np
+
 TINY = ("rig.width=96", "rig.height=64", "path.duration=0.2", "pictures.frames=[0]")
 
 OPTIONS = ("renderer=raycast", "road=estimated", "occupancy=cartesian", "extraction.layers=many")
@@ -18,8 +20,8 @@ def render_tiny_picture() -> None:
     """Call every kernel of `stixel_cli.rendering`."""
     from stixel_cli.config.compose import compose
     from stixel_cli.rendering.raycast import render
+    from stixel_cli.scene.ego import ego_motion
     from stixel_cli.scene.path import build_scenario
-    from stixel_cli.scene.scenario import ego_motion
 
     p = compose((*TINY, *OPTIONS)).configuration
     ego = ego_motion(p.ego, p.path.duration, p.path.sample_time)
@@ -30,23 +32,20 @@ def render_tiny_picture() -> None:
 def call_kernels() -> None:
     """Call every kernel."""
     from stixel_cli.config.compose import compose
-    from stixel_cli.measurements.fabricated import fabricate_scans
+    from stixel_cli.measurements.scans import Scans
     from stixel_cli.method import follow_road_user
-    from stixel_cli.scene.path import build_scenario
-    from stixel_cli.scene.scenario import ego_motion
+    from stixel_cli.trackers import Contour
     from stixel_cli.tracking import gp_ekf
-    from stixel_cli.tracking.contour import contour
-    from stixel_cli.tracking.start import noisy_start
+    from stixel_cli.tracking.track import InitialState
 
-    follow_road_user(compose((*TINY, *OPTIONS, "tracker=gp_ekf")).configuration, seed=0)
-    # Those of the trackers: in tiny images there is no target.
-    for tracker in (contour, gp_ekf):
-        name = tracker.__name__.rpartition(".")[2]
-        p = compose((*TINY, "measurement=fabricated", f"tracker={name}")).configuration
-        ego = ego_motion(p.ego, p.path.duration, p.path.sample_time)
-        scenario = build_scenario(ego, p.road_user, p.path)
-        scans = fabricate_scans(scenario, p.rig, p.measurement, 0)
-        tracker.track(scans, noisy_start(scenario, p.start, 0), p.prior, p.tracker)
+    p = compose((*TINY, *OPTIONS, "tracker=gp_ekf")).configuration
+    follow_road_user(p, seed=0)
+    # Those of the trackers' updates: the tiny images have no point of the target.
+    points = np.stack([np.linspace(-2.0, 2.0, 9), np.full(9, 9.1)], axis=1)
+    noise, start = np.tile(0.01 * np.eye(2), (9, 1, 1)), np.array([0.0, 10.0, 0.0])
+    Contour("car", start=start).step(points, noise, np.zeros(3), time=0.0)
+    scans = Scans.of_each(np.zeros(1), np.zeros((1, 3)), [(points, noise)])
+    gp_ekf.track(scans, InitialState(np.append(start, np.zeros(3)), np.eye(6)), p.prior, p.tracker)
 
 
 def main() -> None:
