@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_518
+TOTAL = 45_516
 """Greatest number of lines in all."""
 
 MODULES = 244
@@ -31,7 +31,7 @@ BUDGET = {
     "export": 702,
     "geometry": 412,
     "live": 617,
-    "machine": 179,
+    "machine": 185,
     "measurements": 1785,
     "pictures": 1385,
     "recordings": 2606,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2050,
     "studies": 1619,
     "sweeps": 1992,
-    "tracking": 6580,
+    "tracking": 6572,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

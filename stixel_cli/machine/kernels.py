@@ -32,14 +32,20 @@ def render_tiny_picture() -> None:
 def call_kernels() -> None:
     """Call every kernel."""
     from stixel_cli.config.compose import compose
+    from stixel_cli.measurements.scans import Scans
     from stixel_cli.method import follow_road_user
     from stixel_cli.trackers import Contour
+    from stixel_cli.tracking import gp_ekf
+    from stixel_cli.tracking.track import InitialState
 
-    follow_road_user(compose((*TINY, *OPTIONS, "tracker=gp_ekf")).configuration, seed=0)
-    # Those of the tracker `contour`, which the method leaves out.
+    p = compose((*TINY, *OPTIONS, "tracker=gp_ekf")).configuration
+    follow_road_user(p, seed=0)
+    # Those of the trackers' updates: the tiny images have no point of the target.
     points = np.stack([np.linspace(-2.0, 2.0, 9), np.full(9, 9.1)], axis=1)
-    tracker = Contour("car", start=np.array([0.0, 10.0, 0.0]))
-    tracker.step(points, np.tile(0.01 * np.eye(2), (9, 1, 1)), np.zeros(3), time=0.0)
+    noise, start = np.tile(0.01 * np.eye(2), (9, 1, 1)), np.array([0.0, 10.0, 0.0])
+    Contour("car", start=start).step(points, noise, np.zeros(3), time=0.0)
+    scans = Scans.of_each(np.zeros(1), np.zeros((1, 3)), [(points, noise)])
+    gp_ekf.track(scans, InitialState(np.append(start, np.zeros(3)), np.eye(6)), p.prior, p.tracker)
 
 
 def main() -> None:

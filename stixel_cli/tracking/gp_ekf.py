@@ -158,7 +158,7 @@ def _updated(
     points, variance = scan.points, tracker.measurement_std**2
     if stated:
         side = stated.side
-        rays, shape_stds = side.rays(scan, mean, stated.position)
+        rays, shape_stds = side.rays(scan, mean, position=stated.matrix[:2, :2])
         points = rays.points_world
     indices = _associated(points, mean, covariance, process, tracker)
     if stated:
@@ -174,7 +174,7 @@ def _updated(
     if moved is not None:
         mean, *ends = moved
         stated.correct_by_one(*ends)
-    model = side.linearised(taken, mean, stated.position)
+    model = side.linearised(taken, mean, position=stated.matrix[:2, :2])
     mean, covariance, gain, _ = update(mean, covariance, model, variance, tangential=False)
     nis = stated.correct_by_scan(gain, model, taken, shape_stds[indices])
     return mean, covariance, indices, nis

@@ -38,11 +38,6 @@ class StatedCovariance(JointCovariance):
         reported[6:, 6:] += self.side.limb_covariance
         return reported
 
-    @property
-    def position(self) -> np.ndarray:
-        """Covariance (2, 2) m² of the centre."""
-        return self.matrix[:2, :2]
-
     def correct_by_scan(
         self, gain: np.ndarray, model: Linearisation, rays: Rays, shape_stds: np.ndarray
     ) -> float:
