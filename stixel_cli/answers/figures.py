@@ -346,7 +346,7 @@ def differences(
         sides[0].set_ylim(len(order) - 0.4, -0.6)
         for axes in sides:
             if axes.get_xscale() == "linear":
-                axes.locator_params("x", nbins=3)
+                axes.locator_params("x", nbins=4 - beside)
             axes.tick_params("y", length=0.0)
             axes.grid(True, axis="x")
         style.place(figure, sides[:rows])
