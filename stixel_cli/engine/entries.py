@@ -167,12 +167,9 @@ def collect(
     if not dry_run:
         store.check_writable()
     with ExitStack() as held:
-        try:
+        # A dry run also works on a store that is read-only.
+        with suppress(*([CacheError] if dry_run else [])):
             held.enter_context(collector_lock(store.folder))
-        except CacheError:
-            # A dry run also works on a store that is read-only.
-            if not dry_run:
-                raise
         used = leased_keys(store.folder)
         found = entry_folders(store)
         whole = size = sum(one.size for one in found)

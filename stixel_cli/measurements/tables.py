@@ -63,8 +63,7 @@ def read_table(
         absent = [name for name in group if name not in columns]
         if absent and len(absent) < len(group):
             raise UserError(
-                f"{file}: the column {absent[0]} is missing: give all of {', '.join(group)}, or "
-                "leave out all of them"
+                f"{file}: the column {absent[0]} is missing: give all or none of {', '.join(group)}"
             )
     table = {name: _numbers(file, name, columns[name]) for name in names if name in columns}
     if len({len(column) for column in table.values()}) > 1:
