@@ -20,8 +20,7 @@ from matplotlib.axes import Axes
 from stixel_cli.answers.runs import FOLDER, LONGEST_NAME, MEAN, MINUS, STATUS, Answer
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.intervals import LEAST_UNITS, Bounds, mean_interval
-from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
-from stixel_cli.evaluation.scores import SERIES
+from stixel_cli.evaluation.scores import LOW_OVERLAP, SERIES
 from stixel_cli.pictures import style
 from stixel_cli.report.page import drawing_for_page
 from stixel_cli.results.result import DONE, read_series

@@ -5,12 +5,15 @@ vertex not repeated. Poses (K, 3) = x m, y m, heading rad in that frame. If a po
 its error is NaN. The functions compute all scans at once.
 """
 
+from typing import Any
+
 import numpy as np
 import shapely
 
 from stixel_cli.geometry.pose import rotations
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.track import Track
 
 SAMPLES = 72
 """Points of a contour, even in arc length, where it is compared with another one."""
@@ -30,6 +33,61 @@ RAYS = 720
 
 LIMB_SAMPLES = 4
 """Poses of the limbs, even in their cycle, that the upper bound is the mean over."""
+
+
+def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
+    """The errors of the contour at the n scans with a known truth, each (n,).
+
+    The keys are fields of `ScanErrors`. All is computed in the frame of the true target, in which
+    the truth is the same at all scans with equal poses of the limbs.
+    """
+    scans = np.flatnonzero(scenario.known)
+    truth, limbs = scenario.target_poses_world[scans], scenario.limb_poses[scans]
+    contours, true = scenario.contours_target, scenario.contours_target[limbs]
+    places = in_frames(track.means[scans, None, :2], truth)[:, 0]
+    headings = track.means[scans, 2] - truth[:, 2]
+    estimated = in_frames(track.contours_world[scans], truth)
+    sizes = None if track.box_sizes is None else track.box_sizes[scans]
+    estimated_boxes, sides = boxes(estimated, np.column_stack([places, headings]), sizes)
+    # The box of all poses of the limbs: that of a label.
+    low, high = scenario.box_target
+    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    iou_box = overlaps(areas(estimated_boxes), areas(corners[None]))
+    length, width = (sides - (high - low)).T
+    errors: dict[str, Any] = {"iou_box": iou_box, "length": length, "width": width}
+    if scenario.only_box or not len(scans):
+        missing = ["iou", "gaussian_wasserstein", "hausdorff", "contour_distance", "seen_contour"]
+        missing += ["hidden_contour", "band_coverage", "hidden_band_coverage"]
+        return errors | {name: np.full(len(truth), np.nan) for name in missing}
+    # The true outlines are made once for each pose of the limbs.
+    outlines, true_outlines = areas(estimated), areas(contours)
+    on_contours = even_points(contours)
+    points = on_contours[limbs]
+    to_true = boundary_distances(even_points(estimated), true)
+    to_estimated = boundary_distances(points, estimated)
+    both = np.concatenate([to_true, to_estimated], axis=1)
+    sensors = in_frames(scenario.ego_poses_world[scans, None, :2], truth)[:, 0]
+    seen = seen_points(on_contours, contours, limbs, sensors)
+    directions = in_frames(track.contour_directions[scans], truth * [0.0, 0.0, 1.0])
+    std = track.contour_std[scans]
+    differences, std = differences_along_rays(places, directions, estimated, std, points)
+    # A track of another program may have no standard deviations.
+    covered = np.where(std > 0.0, np.abs(differences) <= COVERED * std, np.nan)
+    return errors | {
+        "iou": overlaps(outlines, true_outlines[limbs]),
+        "gaussian_wasserstein": gaussian_wasserstein(estimated, true),
+        "hausdorff": both.max(axis=1),
+        "contour_distance": both.mean(axis=1),
+        "seen_contour": _mean_where(seen, to_estimated),
+        "hidden_contour": _mean_where(~seen, to_estimated),
+        "band_coverage": covered.mean(axis=1),
+        "hidden_band_coverage": _mean_where(~seen, covered),
+    }
+
+
+def _mean_where(chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Means (n,) of the chosen values of each row of (n, S); NaN where none is chosen."""
+    return np.ma.masked_array(values, ~chosen).mean(axis=1).filled(np.nan)
 
 
 def in_frames(points: np.ndarray, poses: np.ndarray) -> np.ndarray:

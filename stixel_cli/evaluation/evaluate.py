@@ -14,23 +14,13 @@ import numpy as np
 
 from stixel_cli.evaluation.contour_errors import (
     BESIDE,
-    COVERED,
-    areas,
     baseline_overlaps,
-    boundary_distances,
-    boxes,
     centre_errors,
-    differences_along_rays,
-    even_points,
-    gaussian_wasserstein,
-    in_frames,
-    overlaps,
-    seen_points,
+    contour_errors,
     star_convex_upper_bound,
 )
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_ESTIMATES, OF_SIZE, SMOOTHED
-from stixel_cli.evaluation.scan_errors import LOW_OVERLAP, ScanErrors
-from stixel_cli.evaluation.scores import Scores
+from stixel_cli.evaluation.scores import LOW_OVERLAP, ScanErrors, Scores
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.own_code import loaded
@@ -108,7 +98,7 @@ def evaluate(
     return Scores(
         times=np.array(scenario.times, dtype=np.float64),
         centre_error=over_time["centre"],
-        orientation_error=orientation_errors(track.means[:, 2], scenario.target_poses_world[:, 2]),
+        orientation_error=wrap_angle(track.means[:, 2] - scenario.target_poses_world[:, 2]),
         **{name: over_time[name] for name in ("iou", "iou_box", "nees_position")},
         nis=nis,
         metrics=metrics,
@@ -139,7 +129,7 @@ def errors_over_time(
     """
     truth, rates = scenario.target_poses_world, scenario.target_rates_world
     offsets, covariances = track.means[:, :2] - truth[:, :2], track.covariances
-    orientation = orientation_errors(track.means[:, 2], truth[:, 2])
+    orientation = wrap_angle(track.means[:, 2] - truth[:, 2])
     true_speed = np.hypot(*rates[:, :2].T)
     contours = {}
     for name, values in contour_errors(track, scenario).items():
@@ -207,61 +197,6 @@ def size_errors(track: Track, scans: Scans, nearest: np.ndarray) -> dict[str, np
     return {"size_deviations": track.size_deviations, "points_beside": beside}
 
 
-def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
-    """The errors of the contour at the n scans with a known truth, each (n,).
-
-    The keys are fields of `ScanErrors`. All is computed in the frame of the true target, in which
-    the truth is the same at all scans with equal poses of the limbs.
-    """
-    scans = np.flatnonzero(scenario.known)
-    truth, limbs = scenario.target_poses_world[scans], scenario.limb_poses[scans]
-    contours, true = scenario.contours_target, scenario.contours_target[limbs]
-    places = in_frames(track.means[scans, None, :2], truth)[:, 0]
-    headings = track.means[scans, 2] - truth[:, 2]
-    estimated = in_frames(track.contours_world[scans], truth)
-    sizes = None if track.box_sizes is None else track.box_sizes[scans]
-    estimated_boxes, sides = boxes(estimated, np.column_stack([places, headings]), sizes)
-    # The box of all poses of the limbs: that of a label.
-    low, high = scenario.box_target
-    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-    iou_box = overlaps(areas(estimated_boxes), areas(corners[None]))
-    length, width = (sides - (high - low)).T
-    errors: dict[str, Any] = {"iou_box": iou_box, "length": length, "width": width}
-    if scenario.only_box or not len(scans):
-        missing = ["iou", "gaussian_wasserstein", "hausdorff", "contour_distance", "seen_contour"]
-        missing += ["hidden_contour", "band_coverage", "hidden_band_coverage"]
-        return errors | {name: np.full(len(truth), np.nan) for name in missing}
-    # The true outlines are made once for each pose of the limbs.
-    outlines, true_outlines = areas(estimated), areas(contours)
-    on_contours = even_points(contours)
-    points = on_contours[limbs]
-    to_true = boundary_distances(even_points(estimated), true)
-    to_estimated = boundary_distances(points, estimated)
-    both = np.concatenate([to_true, to_estimated], axis=1)
-    sensors = in_frames(scenario.ego_poses_world[scans, None, :2], truth)[:, 0]
-    seen = seen_points(on_contours, contours, limbs, sensors)
-    directions = in_frames(track.contour_directions[scans], truth * [0.0, 0.0, 1.0])
-    std = track.contour_std[scans]
-    differences, std = differences_along_rays(places, directions, estimated, std, points)
-    # A track of another program may have no standard deviations.
-    covered = np.where(std > 0.0, np.abs(differences) <= COVERED * std, np.nan)
-    return errors | {
-        "iou": overlaps(outlines, true_outlines[limbs]),
-        "gaussian_wasserstein": gaussian_wasserstein(estimated, true),
-        "hausdorff": both.max(axis=1),
-        "contour_distance": both.mean(axis=1),
-        "seen_contour": _mean_where(seen, to_estimated),
-        "hidden_contour": _mean_where(~seen, to_estimated),
-        "band_coverage": covered.mean(axis=1),
-        "hidden_band_coverage": _mean_where(~seen, covered),
-    }
-
-
-def _mean_where(chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Means (n,) of the chosen values of each row of (n, S); NaN where none is chosen."""
-    return np.ma.masked_array(values, ~chosen).mean(axis=1).filled(np.nan)
-
-
 def off_target(
     iou_box: np.ndarray, orientation: np.ndarray, speed: np.ndarray, replaced_wrongly: np.ndarray
 ) -> np.ndarray:
@@ -273,11 +208,6 @@ def off_target(
     """
     backwards = (np.abs(orientation) > 0.5 * np.pi) & (speed > LEAST_SPEED)
     return ~(iou_box >= LOW_OVERLAP) | backwards | replaced_wrongly
-
-
-def orientation_errors(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Estimated minus true heading (K,), wrapped to (-pi, pi] rad."""
-    return wrap_angle(np.asarray(estimated) - np.asarray(true))
 
 
 def normalised_errors(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:

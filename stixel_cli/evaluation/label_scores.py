@@ -10,8 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stixel_cli.evaluation import contour_errors
-from stixel_cli.evaluation.scan_errors import finite_mean
-from stixel_cli.evaluation.scores import LabelScore, Scores
+from stixel_cli.evaluation.scores import LabelScore, Scores, finite_mean
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.tracking.followed import LEAST_SCANS, least_speed, line

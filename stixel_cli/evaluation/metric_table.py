@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from stixel_cli.evaluation import scan_errors
+from stixel_cli.evaluation import scores
 from stixel_cli.tracking.track import REPORTED
 
 NO_VALUE = "–"
@@ -44,12 +44,12 @@ class Metric:
     unit: str
     better: Better | None
     bounds: tuple[float | None, float | None]
-    over_scans: Callable[[scan_errors.ScanErrors], float | int | None] | None = None
+    over_scans: Callable[[scores.ScanErrors], float | int | None] | None = None
     expected: tuple[float | None, float | None] = (None, None)
     percent: bool = False
     over_runs: str = ""
 
-    def of_run(self, errors: scan_errors.ScanErrors) -> float | int | None:
+    def of_run(self, errors: scores.ScanErrors) -> float | int | None:
         """The value of the metric; None where it has no value. Never NaN: JSON has no NaN."""
         value = self.over_scans(errors)
         return None if value is None or not np.isfinite(value) else value
@@ -82,76 +82,76 @@ judged over seeds.
 
 _TABLE = (
     Metric("track_lost", "track lost (1) or not (0)", "track lost", *_SHARE,
-           lambda e: int(scan_errors.time_to_loss(e.times, e.lost) is not None)
+           lambda e: int(scores.time_to_loss(e.times, e.lost) is not None)
            if len(e.lost) else None, over_runs="track_loss_rate"),
     Metric("time_to_loss_s", "time to track loss", "time to loss",
-           "s", "more", (0.0, None), lambda e: scan_errors.time_to_loss(e.times, e.lost)),
+           "s", "more", (0.0, None), lambda e: scores.time_to_loss(e.times, e.lost)),
     # Only of scans whose sensor's borders are known.
     Metric("time_out_of_view_s", "time at which the road user leaves the field of view",
            "leaves the view", "s", None, (0.0, None),
-           lambda e: scan_errors.time_to_loss(e.times, e.out_of_view)),
+           lambda e: scores.time_to_loss(e.times, e.out_of_view)),
     Metric("sure_and_wrong_share", "share of scans with IoU of the box < "
-           f"{scan_errors.LOW_OVERLAP} and centre error > {scan_errors.SURE:g} σ",
-           "sure and wrong", *_SHARE, scan_errors.sure_and_wrong_share),
+           f"{scores.LOW_OVERLAP} and centre error > {scores.SURE:g} σ",
+           "sure and wrong", *_SHARE, scores.sure_and_wrong_share),
     Metric("diverged", "diverged (1) or not (0)", "diverged", *_SHARE,
-           lambda e: int(scan_errors.time_to_divergence(e) is not None), (None, 0.0)),
+           lambda e: int(scores.time_to_divergence(e) is not None), (None, 0.0)),
     Metric("time_to_divergence_s", "time to divergence", "time to divergence",
-           "s", "more", (0.0, None), scan_errors.time_to_divergence),
+           "s", "more", (0.0, None), scores.time_to_divergence),
     Metric("centre_rmse_m", "centre error, RMSE", "centre RMSE",
-           *_METRE, lambda e: scan_errors.root_mean_square(e.centre)),
+           *_METRE, lambda e: scores.root_mean_square(e.centre)),
     Metric("centre_mean_m", "centre error, mean", "mean centre error",
-           *_METRE, lambda e: scan_errors.mean(e.centre)),
+           *_METRE, lambda e: scores.mean(e.centre)),
     Metric("orientation_rmse_deg", "orientation error, RMSE", "orientation RMSE",
-           *_DEGREE, lambda e: scan_errors.root_mean_square(e.orientation)),
+           *_DEGREE, lambda e: scores.root_mean_square(e.orientation)),
     Metric("speed_error_m_s", "speed error, RMSE", "speed RMSE",
-           "m/s", "less", (0.0, None), lambda e: scan_errors.root_mean_square(e.speed)),
+           "m/s", "less", (0.0, None), lambda e: scores.root_mean_square(e.speed)),
     Metric("yaw_rate_error_deg_s", "yaw-rate error, RMSE", "yaw-rate RMSE",
-           "°/s", "less", (0.0, None), lambda e: scan_errors.root_mean_square(e.yaw_rate)),
+           "°/s", "less", (0.0, None), lambda e: scores.root_mean_square(e.yaw_rate)),
     Metric("iou_mean", "IoU of the outline, mean", "mean IoU",
-           *_OVERLAP, lambda e: scan_errors.mean(e.iou)),
+           *_OVERLAP, lambda e: scores.mean(e.iou)),
     Metric("iou_star_convex_upper_bound", "IoU of the outline, upper bound: star-convex contour",
            "upper bound, star-convex",
-           *_UPPER_BOUND, lambda e: scan_errors.mean(e.star_convex_upper_bound)),
+           *_UPPER_BOUND, lambda e: scores.mean(e.star_convex_upper_bound)),
     Metric("iou_baseline", "IoU of the true outline, moved to the mean of its points, mean",
-           "IoU, baseline", *_UPPER_BOUND, lambda e: scan_errors.finite_mean(e.iou_baseline)),
+           "IoU, baseline", *_UPPER_BOUND, lambda e: scores.finite_mean(e.iou_baseline)),
     Metric("iou_box_mean", "IoU of the box, mean", "mean IoU, box",
-           *_OVERLAP, lambda e: scan_errors.mean(e.iou_box)),
+           *_OVERLAP, lambda e: scores.mean(e.iou_box)),
     Metric("low_overlap_share",
-           f"share of scans with IoU of the outline < {scan_errors.LOW_OVERLAP}",
-           "share of low overlap", *_SHARE, lambda e: scan_errors.low_overlap_share(e.iou)),
+           f"share of scans with IoU of the outline < {scores.LOW_OVERLAP}",
+           "share of low overlap", *_SHARE, lambda e: scores.low_overlap_share(e.iou)),
     Metric("success", "success, area under the curve of the box's IoU", "success",
-           *_OVERLAP, lambda e: scan_errors.success(e.iou_box), percent=True),
+           *_OVERLAP, lambda e: scores.success(e.iou_box), percent=True),
     Metric("precision", f"precision, area under the curve of the centre error to "
-           f"{scan_errors.FARTHEST_CENTRE:g} m", "precision",
-           *_OVERLAP, lambda e: scan_errors.precision(e.centre), percent=True),
+           f"{scores.FARTHEST_CENTRE:g} m", "precision",
+           *_OVERLAP, lambda e: scores.precision(e.centre), percent=True),
     Metric("length_error_m", "length error, RMSE", "length RMSE",
-           *_METRE, lambda e: scan_errors.root_mean_square(e.length)),
+           *_METRE, lambda e: scores.root_mean_square(e.length)),
     Metric("width_error_m", "width error, RMSE", "width RMSE",
-           *_METRE, lambda e: scan_errors.root_mean_square(e.width)),
+           *_METRE, lambda e: scores.root_mean_square(e.width)),
     Metric("gaussian_wasserstein_m", "Gaussian-Wasserstein distance, mean", "Gaussian-Wasserstein",
-           *_METRE, lambda e: scan_errors.mean(e.gaussian_wasserstein)),
+           *_METRE, lambda e: scores.mean(e.gaussian_wasserstein)),
     Metric("hausdorff_m", "Hausdorff distance of the outlines, mean", "Hausdorff distance",
-           *_METRE, lambda e: scan_errors.mean(e.hausdorff)),
+           *_METRE, lambda e: scores.mean(e.hausdorff)),
     Metric("contour_distance_m", "distance of the outlines, mean", "contour distance",
-           *_METRE, lambda e: scan_errors.mean(e.contour_distance)),
+           *_METRE, lambda e: scores.mean(e.contour_distance)),
     Metric("seen_contour_error_m", "distance of the outlines on the seen side, mean",
-           "contour error, seen side", *_METRE, lambda e: scan_errors.finite_mean(e.seen_contour)),
+           "contour error, seen side", *_METRE, lambda e: scores.finite_mean(e.seen_contour)),
     Metric("hidden_contour_error_m", "distance of the outlines on the hidden side, mean",
            "contour error, hidden side",
-           *_METRE, lambda e: scan_errors.finite_mean(e.hidden_contour)),
+           *_METRE, lambda e: scores.finite_mean(e.hidden_contour)),
     Metric("band_coverage", "true outline in the estimated 95 % band, share", "band coverage",
-           "", None, (0.0, 1.0), lambda e: scan_errors.mean(e.band_coverage)),
+           "", None, (0.0, 1.0), lambda e: scores.mean(e.band_coverage)),
     Metric("hidden_band_coverage",
            "hidden side of the true outline in the estimated 95 % band, share",
            "band coverage, hidden side",
-           "", None, (0.0, 1.0), lambda e: scan_errors.finite_mean(e.hidden_band_coverage)),
+           "", None, (0.0, 1.0), lambda e: scores.finite_mean(e.hidden_band_coverage)),
     Metric("nees_position_mean", "NEES of the position / 2, mean (1 is consistent)",
-           "mean NEES / 2", *_RATIO, lambda e: scan_errors.finite_mean(e.nees_position)),
+           "mean NEES / 2", *_RATIO, lambda e: scores.finite_mean(e.nees_position)),
     Metric("nees_orientation_mean", "NEES of the orientation, mean (1 is consistent)",
            "mean NEES, orientation",
-           *_RATIO, lambda e: scan_errors.finite_mean(e.nees_orientation)),
+           *_RATIO, lambda e: scores.finite_mean(e.nees_orientation)),
     Metric("nis_mean", "NIS / degrees of freedom, mean (1 is consistent)", "mean NIS / d.o.f.",
-           *_RATIO, lambda e: scan_errors.finite_mean(e.nis), _INNOVATIONS),
+           *_RATIO, lambda e: scores.finite_mean(e.nis), _INNOVATIONS),
     Metric("scans", "scans", "scans", *_COUNT, lambda e: len(e.points)),
     # Only of a recording: all scans of a rendered run count.
     Metric("scored_scans", "scored scans (usable ground truth)", "scored scans",
@@ -159,27 +159,27 @@ _TABLE = (
     Metric("empty_scans", "empty scans", "empty scans",
            *_COUNT, lambda e: int(np.sum(e.points == 0))),
     Metric("points_per_scan_mean", "points per scan, mean", "points per scan",
-           *_COUNT, lambda e: scan_errors.mean(e.points)),
+           *_COUNT, lambda e: scores.mean(e.points)),
     Metric("points_used_mean", "points used per scan, mean", "points used per scan",
-           *_COUNT, lambda e: scan_errors.mean(e.points_used)),
+           *_COUNT, lambda e: scores.mean(e.points_used)),
     # Only of a tracker that estimates the size of a class.
     Metric("size_deviation", "size minus the class's, standard deviations of the class, median",
            "size deviation", "", "less", (0.0, None),
-           lambda e: scan_errors.finite_median(e.size_deviations[len(e.points) // 2 :]),
+           lambda e: scores.finite_median(e.size_deviations[len(e.points) // 2 :]),
            (None, 3.5)),
     Metric("points_beside_share", "share of nearby points not used",
            "points beside", "", None, (0.0, 1.0),
-           lambda e: scan_errors.share_of(e.points_beside, e.points_used), (None, 0.1)),
+           lambda e: scores.share_of(e.points_beside, e.points_used), (None, 0.1)),
     # Only of a track with probabilities of the classes.
     *(Metric(f"{name}_probability", f"probability of the class {name}, last scan",
              f"probability, {name}", "", None, (0.0, 1.0),
-             lambda e, name=name: scan_errors.mean(e.class_probabilities[name][-1:]))
+             lambda e, name=name: scores.mean(e.class_probabilities[name][-1:]))
       for name in REPORTED),
     Metric("class_error", "class of the last scan is not the road user's (1) or is (0)",
-           "class error", *_SHARE, lambda e: scan_errors.mean(e.class_wrong[-1:]), (None, 0.0)),
+           "class error", *_SHARE, lambda e: scores.mean(e.class_wrong[-1:]), (None, 0.0)),
     Metric("class_replaced_share", "scans of which another class than the prior's is reported, "
            "share", "class replaced", "", None, (0.0, 1.0),
-           lambda e: scan_errors.mean(e.class_replaced), (None, 0.0)),
+           lambda e: scores.mean(e.class_replaced), (None, 0.0)),
 )  # fmt: skip
 
 MAIN = ("iou_box_mean", "iou_mean", "centre_rmse_m", "orientation_rmse_deg", "track_lost")

@@ -12,7 +12,7 @@ from stixel_cli.engine.parameters import ThreadsExecutor
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.scan_errors import finite_mean, finite_median
+from stixel_cli.evaluation.scores import finite_mean, finite_median
 from stixel_cli.experiment.stages import compared_rows, computed_stages
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.geometry.rig_calibration import RigCalibration

@@ -18,8 +18,8 @@ def render_tiny_picture() -> None:
     """Call every kernel of `stixel_cli.rendering`."""
     from stixel_cli.config.compose import compose
     from stixel_cli.rendering.raycast import render
-    from stixel_cli.scene.ego import ego_motion
     from stixel_cli.scene.path import build_scenario
+    from stixel_cli.scene.scenario import ego_motion
 
     p = compose((*TINY, *OPTIONS)).configuration
     ego = ego_motion(p.ego, p.path.duration, p.path.sample_time)
@@ -32,8 +32,8 @@ def call_kernels() -> None:
     from stixel_cli.config.compose import compose
     from stixel_cli.measurements.fabricated import fabricate_scans
     from stixel_cli.method import follow_road_user
-    from stixel_cli.scene.ego import ego_motion
     from stixel_cli.scene.path import build_scenario
+    from stixel_cli.scene.scenario import ego_motion
     from stixel_cli.tracking import gp_ekf
     from stixel_cli.tracking.contour import contour
     from stixel_cli.tracking.start import noisy_start

@@ -47,7 +47,7 @@ def first_crossings(contour_sensor: np.ndarray, rays: Rays) -> tuple[np.ndarray,
     along its heading; it may be concave, and only itself hides it.
     """
     # Imported here: composing reads the noise's settings, and must not pay for Numba.
-    from stixel_cli.geometry.polygon import first_hits
+    from stixel_cli.geometry.kernel import first_hits
 
     ranges = first_hits(contour_sensor, np.zeros_like(rays.directions), rays.directions)
     hit = np.flatnonzero(np.isfinite(ranges))

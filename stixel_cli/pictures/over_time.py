@@ -5,8 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
-from stixel_cli.evaluation.scores import SERIES, Scores
+from stixel_cli.evaluation.scores import LOW_OVERLAP, SERIES, Scores
 from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures import style

@@ -15,7 +15,6 @@ from stixel_cli.rendering import placement
 from stixel_cli.rendering.filament_process import REASON, main
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.rendering.parameters import FilamentParameters
-from stixel_cli.rendering.placement import rig_cameras
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
@@ -72,7 +71,7 @@ def describe_scene(
             arrays[f"corners_{len(parts)}"] = part.vertices[part.triangles]
             arrays[f"uvs_{len(parts)}"] = part.uvs
             parts.append((number, identity, limb_pose))
-    poses = [rig_cameras(rig, scenario.ego_poses_world[k]) for k in frames]
+    poses = [placement.rig_cameras(rig, scenario.ego_poses_world[k]) for k in frames]
     focals = rig.focal, rig.focal_v
     return arrays | {
         "size": np.array([rig.width, rig.height]),

@@ -17,13 +17,14 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering import placement, supersampling, tracing
 from stixel_cli.rendering.frames import SKY_ID, TARGET_ID, RenderedFrames
 from stixel_cli.rendering.parameters import RaycastParameters
+from stixel_cli.rendering.supersampling import Centres, supersampled
 from stixel_cli.rendering.surfaces import (
     Surfaces,
     build_surfaces,
     srgb_from_linear,
     with_other_vertices,
 )
-from stixel_cli.rendering.tracing import Body, Hits, Shot
+from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.scene.mesh import Mesh, bounding_box
 from stixel_cli.scene.open3d_import import import_open3d_bindings
 from stixel_cli.scene.parameters import RoadUser, World
@@ -69,14 +70,10 @@ class StaticView:
     """Without the target."""
     samples: int
     """Along each axis of a pixel that shows an edge."""
-    hits: Hits
-    """The surface that each pixel's centre ray hits, in row-major order."""
-    lit: np.ndarray
-    """(n,) bool, whether it sees the sun."""
-    plain: np.ndarray
-    """(n, 3) float32, linear light by one ray a pixel."""
+    centres: Centres
+    """All pixels, in row-major order, by one ray each."""
     light: np.ndarray
-    """(n, 3) float32, linear light with more rays where `plain` has edges."""
+    """(n, 3) float32, linear light with more rays where that of `centres` has edges."""
     picture: np.ndarray
     """(n, 3) uint8, sRGB of `light`."""
     ids: np.ndarray
@@ -160,16 +157,15 @@ def static_view(shot: Shot, samples: int) -> StaticView:
     odd = np.flatnonzero(supersampling.unclear_pixels(hits, shot.tables, lit, camera.width))
     lit[odd] = tracing.sunlit(shot, hits.at(odd), (0,))
     plain = tracing.light_of(shot, hits, lit, 1.0)
-    light = plain.copy()
+    centres, light = Centres(rows, columns, hits, lit, plain), plain.copy()
     if samples > 1:
         colours = srgb_from_linear(plain)
         edge, at_shadow = supersampling.edge_pixels(hits, shot.tables, lit, colours, camera.width)
         again = np.flatnonzero(edge)
-        centres = supersampling.Centres(rows, columns, hits, lit, plain).at(again)
-        light[again] = supersampling.supersampled(shot, centres, at_shadow[again], samples)
+        light[again] = supersampled(shot, centres.at(again), at_shadow[again], samples)
     ids = np.full(len(lit), SKY_ID, dtype=np.uint8)
     ids[hits.body == 0] = surfaces.object_ids[hits.triangle[hits.body == 0]]
-    return StaticView(shot, samples, hits, lit, plain, light, srgb_from_linear(light), ids)
+    return StaticView(shot, samples, centres, light, srgb_from_linear(light), ids)
 
 
 def view_with_target(
@@ -182,7 +178,8 @@ def view_with_target(
     """
     shot = replace(view.shot, bodies=(*view.shot.bodies, target))
     height, width = shot.camera.height, shot.camera.width
-    picture, depth, ids = view.picture.copy(), view.hits.depth.copy(), view.ids.copy()
+    static_depth = view.centres.hits.depth
+    picture, depth, ids = view.picture.copy(), static_depth.copy(), view.ids.copy()
     body_box, box = _touched_rectangles(shot, corners_target)
     top, bottom, left, right = box
     if top < bottom:
@@ -194,19 +191,15 @@ def view_with_target(
         light, fresh = view.light[pixels], changed
         light[changed] = centres.light[changed]
         if view.samples > 1:
-            surfaces, colours = (centres.hits, shot.tables), srgb_from_linear(centres.light)
-            edge, at_shadow = supersampling.edge_pixels(
-                *surfaces, centres.lit, colours, right - left
-            )
+            seen = centres.hits, shot.tables, centres.lit, srgb_from_linear(centres.light)
+            edge, at_shadow = supersampling.edge_pixels(*seen, right - left)
             # Those that changed and their neighbours (of four).
             mask = changed.reshape(bottom - top, right - left).view(np.uint8)
             edge &= cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))).ravel() > 0
-            edge[near] |= _thin(shot, centres.at(near), view.hits.depth[pixels[near]])
+            edge[near] |= _thin(shot, centres.at(near), static_depth[pixels[near]])
             again = np.flatnonzero(edge)
             fresh = changed | edge
-            light[again] = supersampling.supersampled(
-                shot, centres.at(again), at_shadow[again], view.samples
-            )
+            light[again] = supersampled(shot, centres.at(again), at_shadow[again], view.samples)
         picture[pixels[fresh]] = srgb_from_linear(light[fresh])
         depth[pixels[over]] = centres.hits.depth[over]
         ids[pixels[over]] = target.surfaces.object_ids[centres.hits.triangle[over]]
@@ -216,14 +209,15 @@ def view_with_target(
 
 def _centres_with_target(
     view: StaticView, shot: Shot, pixels: np.ndarray, near: np.ndarray
-) -> tuple[supersampling.Centres, np.ndarray, np.ndarray]:
+) -> tuple[Centres, np.ndarray, np.ndarray]:
     """The rays through the centres of `pixels` (n,) of `view`, with the target in it.
 
     Their values; (n,) bool, whether the target is met; (n,) bool, whether that or its shadow
     changes the static view's colour. The `shot` has the target; `pixels` (n,) are in row-major
     order, `near` (m,) the indices of those that the target itself can touch.
     """
-    hits, lit, plain = view.hits.at(pixels), view.lit[pixels], view.plain[pixels]
+    centres = view.centres.at(pixels)
+    _, _, hits, lit, light = centres
     # The target, where it is nearer than the static scene.
     samples = hits.u[near], hits.v[near]
     target_depth, triangle = tracing.intersect(shot.bodies[1], shot.camera, *samples)
@@ -241,9 +235,8 @@ def _centres_with_target(
     changed = over.copy()
     changed[shadowed] = True
     fresh = np.flatnonzero(changed)
-    plain[fresh] = tracing.light_of(shot, hits.at(fresh), lit[fresh], 1.0)
-    rows, columns = np.divmod(pixels, shot.camera.width)
-    return supersampling.Centres(rows, columns, hits, lit, plain), over, changed
+    light[fresh] = tracing.light_of(shot, hits.at(fresh), lit[fresh], 1.0)
+    return centres, over, changed
 
 
 def _touched_rectangles(shot: Shot, corners_target: np.ndarray):
@@ -256,7 +249,7 @@ def _touched_rectangles(shot: Shot, corners_target: np.ndarray):
     return shot.camera.rectangle_of(corners, MARGIN), shot.camera.rectangle_of(swept, MARGIN)
 
 
-def _thin(shot: Shot, centres: supersampling.Centres, static_depth: np.ndarray) -> np.ndarray:
+def _thin(shot: Shot, centres: Centres, static_depth: np.ndarray) -> np.ndarray:
     """(n,) bool: pixels where only a part of some samples meets the target, as at a thin tube."""
     alone = replace(shot, bodies=shot.bodies[1:])
     offsets = supersampling.sample_offsets(THIN_SAMPLES)

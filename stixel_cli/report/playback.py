@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.evaluation.metric_table import MAIN, SMOOTHED, Metric, metric
-from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
-from stixel_cli.evaluation.scores import SERIES
+from stixel_cli.evaluation.scores import LOW_OVERLAP, SERIES
 from stixel_cli.evaluation.verdict import LEAST_ODDS, badges, verdict
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans

@@ -30,7 +30,7 @@ class Materials:
     def __init__(self, seed: int, contrast: float):
         depth = 0.08 + 0.20 * contrast
         self.fronts = [
-            facade(f"front {seed} {i}", colour, 2 + i % 2, 3, brick, contrast)
+            facade(f"front {seed} {i}", colour, 2 + i % 2, brick, contrast)
             for i, (colour, brick) in enumerate(WALLS)
         ]
         self.roof = roof_tiles("roof red", (150, 78, 58), contrast)
@@ -102,14 +102,10 @@ def tower(
 
 
 def tree(
-    draws: np.random.Generator,
-    place: ArrayLike,
-    height: float,
-    bark: np.ndarray,
-    foliage: np.ndarray,
+    draws: np.random.Generator, place: ArrayLike, bark: np.ndarray, foliage: np.ndarray
 ) -> Mesh:
-    """A tree of `height` m at `place` (2,) m: a trunk and a crown of lumps."""
-    x, y = place
+    """A tree of 5.5 to 8 m at `place` (2,) m: a trunk and a crown of lumps."""
+    (x, y), height = place, draws.uniform(5.5, 8.0)
     girth = 0.022 * height
     crown = 0.62 * height
     surfaces = [tube([(x, y, 0.0), (x, y, 0.5 * height), (x, y, 0.8 * height)],

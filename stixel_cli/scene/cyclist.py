@@ -239,9 +239,8 @@ def _luggage(shape: CyclistShape, contrast: float) -> list[Part]:
         bag = ellipsoid(shape.on_body((-0.19, 0.0, 1.27)), (0.13, 0.15, 0.20), 10, 16)
         parts.append(part("backpack", [bag], cloth(shape.trousers, contrast, 3), 0.6))
     if shape.panniers:
-        bags = []
-        for low, high in ((0.07, 0.21), (-0.21, -0.07)):
-            corners = shape.on_bicycle([(-0.72, low, 0.36), (-0.40, high, 0.68)])
-            bags.append(box(*corners))
+        sides = (0.07, 0.21), (-0.21, -0.07)
+        ends = ([(-0.72, low, 0.36), (-0.40, high, 0.68)] for low, high in sides)
+        bags = [box(*shape.on_bicycle(corners)) for corners in ends]
         parts.append(part("panniers", bags, cloth((60, 60, 64), contrast), 0.6))
     return parts

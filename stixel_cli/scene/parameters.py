@@ -163,6 +163,13 @@ class _Driven:
                 f"path.duration: {self.duration:g} s with path.sample_time={self.sample_time:g} s "
                 f"gives more than {MOST_SCANS} scans"
             )
+        drawn = isinstance(self, Waypoints)
+        key, (x, y) = ("points", self.points[0]) if drawn else ("start", self.start)
+        if y <= 0.0:
+            raise ValueError(
+                f"path.{key}: the path starts behind the camera, at ({x:g}, {y:g}); "
+                "the second coordinate (forward) must be above 0"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,19 +183,6 @@ class _FromStart(_Driven):
 
     start: Point
     heading: Degrees
-
-    def check(self) -> None:
-        """Raise ValueError if the values contradict each other."""
-        super().check()
-        _check_start(self.start, "path.start")
-
-
-def _check_start(start: Point, key: str) -> None:
-    if start[1] <= 0.0:
-        raise ValueError(
-            f"{key}: the path starts behind the camera, at ({start[0]:g}, {start[1]:g}); "
-            "the second coordinate (forward) must be above 0"
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -288,10 +282,9 @@ class Waypoints(_Driven):
 
     def check(self) -> None:
         """Raise ValueError if the values contradict each other."""
-        super().check()
         if len(self.points) < 2:
             raise ValueError(f"path.points: must have at least two points, got {len(self.points)}")
-        _check_start(self.points[0], "path.points")
+        super().check()
         chords = np.diff(self.points, axis=0)
         lengths = np.hypot(*chords.T)
         for i in np.flatnonzero(lengths < 0.01):

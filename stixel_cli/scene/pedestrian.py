@@ -14,6 +14,12 @@ from stixel_cli.scene.textures import Colour, cloth, mottled
 ANKLE_HEIGHT = 0.09
 HIP_HEIGHT = 0.90
 SKIN = (205, 158, 132)
+TORSO = (
+    (0.00, 0.80, 0.120, 0.142), (0.00, 0.90, 0.125, 0.150), (0.00, 1.05, 0.105, 0.132),
+    (0.01, 1.20, 0.112, 0.142), (0.015, 1.34, 0.118, 0.155), (0.01, 1.42, 0.098, 0.150),
+    (0.005, 1.465, 0.070, 0.105), (0.005, 1.49, 0.055, 0.062),
+)  # fmt: skip
+"""Its sections, as those of `_body`."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ def mesh(contrast: float, shape: PedestrianShape = STANDARD) -> Mesh:
         ellipsoid((-0.04, 0.0, 1.60), (0.065, 0.074, 0.075), 8, 14),
     ]
     return (
-        part("torso", [_torso(shape)], cloth(shape.top, contrast, 5), 0.9),
+        part("torso", _body(TORSO, shape), cloth(shape.top, contrast, 5), 0.9),
         part("sleeves", moving["sleeves"], cloth(shape.top, contrast, 5), 0.9),
         part("trousers", moving["trousers"], cloth(shape.trousers, contrast), 0.5),
         part("shoes", moving["shoes"], mottled("leather", (58, 44, 36), 0.25), 0.3),
@@ -142,13 +148,6 @@ def _body(sections, shape):
     x, z, depth, breadth = (np.array(sections) * build).T[:, :, None]
     rings = np.broadcast_arrays(x + depth * unit_x, breadth * unit_y, z)
     return _grown([loft(np.stack(rings, axis=-1))], shape)
-
-
-def _torso(shape):
-    sections = [(0.00, 0.80, 0.120, 0.142), (0.00, 0.90, 0.125, 0.150), (0.00, 1.05, 0.105, 0.132),
-                (0.01, 1.20, 0.112, 0.142), (0.015, 1.34, 0.118, 0.155), (0.01, 1.42, 0.098, 0.150),
-                (0.005, 1.465, 0.070, 0.105), (0.005, 1.49, 0.055, 0.062)]  # fmt: skip
-    return _body(sections, shape)[0]
 
 
 def _clothes(shape: PedestrianShape, contrast: float) -> list[Part]:

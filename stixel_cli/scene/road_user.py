@@ -68,9 +68,7 @@ def limb_poses(road_user: RoadUser, travelled: np.ndarray) -> np.ndarray:
 
 
 def moving_parts(road_user: RoadUser) -> frozenset[str]:
-    """Names of the parts of `road_user_meshes` that differ between poses."""
-    if road_user.mesh is not None or _CLASSES[road_user.kind].limbs is None:
-        return frozenset()
+    """Names of the parts of `road_user_meshes`, if these are many, that differ between poses."""
     return frozenset(_CLASSES[road_user.kind].limbs(_shape(road_user), 0.0))
 
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-SIZE = 512
+SIZE, BAYS = 512, 3
 
 Colour = tuple[float, float, float]
 """Red, green, blue, 0 … 255 each."""
@@ -118,15 +118,13 @@ def leaves(name: str, colour: Colour, contrast: float) -> np.ndarray:
     return tinted(colour, values, 0.10 * contrast * np.clip(noise(name + " hue"), -2, 2))
 
 
-def facade(
-    name: str, colour: Colour, floors: int, bays: int, brick: bool, contrast: float
-) -> np.ndarray:
+def facade(name: str, colour: Colour, floors: int, brick: bool, contrast: float) -> np.ndarray:
     """A house front, (512, 512, 3) uint8: laid on once over a wall, not repeated.
 
     Args:
         name: of the front; its windows and stains depend on it.
         colour: of the wall.
-        floors, bays: rows and columns of windows; a door is in the middle of the lowest row.
+        floors: rows of `BAYS` windows; a door is in the middle of the lowest row.
         brick: courses of bricks, or plaster.
         contrast: 0 … 1.
     """
@@ -137,12 +135,12 @@ def facade(
     image = tinted(colour, values.astype(np.float32), 0.02 * grain).astype(np.float32)
     draws = np.random.default_rng(len(name) * 7919 + sum(name.encode()))
     panes = tinted((58, 68, 80), 0.30 * np.clip(noise(name + " panes", SIZE, 3.0), -2, 2))
-    storey, bay = SIZE // floors, SIZE // bays
+    storey, bay = SIZE // floors, SIZE // BAYS
     for floor in range(floors):
-        for column in range(bays):
+        for column in range(BAYS):
             top, left = floor * storey + storey // 4, column * bay + bay // 4
             bottom, right = top + storey // 2, left + bay // 2
-            if floor == floors - 1 and column == bays // 2:
+            if floor == floors - 1 and column == BAYS // 2:
                 _door(image, draws, top, left, SIZE, right)
                 continue
             _window(image, panes, draws, (top, left, bottom, right))

@@ -98,8 +98,7 @@ def _street(contrast: float, seed: int) -> Iterator[Mesh]:
     yield background.tower((-4.5, 102.0), (4.5, 111.0), 22.0, fronts[2], roofs[1])
     greens = [materials.leaves, leaves("dark leaves", (62, 92, 46), contrast)]
     for i, place in enumerate(TREES):
-        height = draws.uniform(5.5, 8.0)
-        yield background.tree(draws, place, height, materials.bark, greens[i % 2])
+        yield background.tree(draws, place, materials.bark, greens[i % 2])
     for rectangle in WOODS:
         yield background.woods(*rectangle, materials.woods)
     clipped = leaves("hedge", (66, 98, 50), contrast)
@@ -198,8 +197,7 @@ def _slot(world: World, materials: Materials, draws: np.random.Generator) -> Ite
         yield background.house(low, high, height, front, materials.roof, "x")
     else:
         place = (draws.uniform(-3.0, 3.0), draws.uniform(11.0, 16.0))
-        height = draws.uniform(5.5, 8.0)
-        yield background.tree(draws, place, height, materials.bark, materials.leaves)
+        yield background.tree(draws, place, materials.bark, materials.leaves)
     if world.kind == "fenced":
         # Along the road, 5 to 12 m long.
         half, y = 0.5 * draws.uniform(5.0, 12.0), draws.uniform(5.8, 7.0)

@@ -45,9 +45,8 @@ def find_free_space(
         before = previous.disparity[-1], previous.base_row[-1], previous.road[-1]
     for k in frames:
         columns = cv2.transpose(disparities.raw(k - disparities.first))
-        pitch = rig.pitch_radians + ego_motion.pitches[k]
-        height = rig.camera_height + ego_motion.heights[k]
-        line = find_road(columns, disparities.count, rig, road, pitch, height)
+        beyond_rig = ego_motion.pitches[k], ego_motion.heights[k]
+        line = find_road(columns, disparities.count, rig, road, *beyond_rig)
         expected = None
         if before is not None:
             expected = expected_depth(*before, rig, *ego_motion.poses_world[[k - 1, k]])

@@ -104,8 +104,8 @@ def find_road(
     count: int,
     rig: Rig,
     road: RoadParameters,
-    pitch: float | None = None,
-    height: float | None = None,
+    pitch: float = 0.0,
+    height: float = 0.0,
 ) -> np.ndarray:
     """Road line (2,) of one disparity image, px: from the camera's pose, or estimated near the rig.
 
@@ -113,13 +113,11 @@ def find_road(
     pixels vote (the v-disparity histogram of Labayrade, Aubert, Tarel 2002), refined by least
     squares over the pixels near it. Without a vote it is the rig's.
 
-    `pitch`, rad, and `height` above the road, m, of the camera in this frame are for a road that is
-    not estimated; by default they are those of the rig. Poses are no start for the estimate: their
-    errors grow.
+    `pitch`, rad, and `height`, m, of the camera in this frame, beyond those of the rig, are for a
+    road that is not estimated. Poses are no start for the estimate: their errors grow.
     """
     if not isinstance(road, EstimatedRoad):
-        pitch = rig.pitch_radians if pitch is None else pitch
-        return road_line(pitch, rig.camera_height if height is None else height, rig)
+        return road_line(rig.pitch_radians + pitch, rig.camera_height + height, rig)
     histogram = v_disparity(columns, count, road.column_step)
     spread = np.linspace(-1.0, 1.0, STEPS)
     pitches = rig.pitch_radians + np.radians(road.pitch_range) * spread

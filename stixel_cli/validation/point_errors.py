@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.geometry.polygon import first_hits
+from stixel_cli.geometry.kernel import first_hits
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.rays import range_sensitivity

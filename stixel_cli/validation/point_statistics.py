@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.scan_errors import finite_mean
+from stixel_cli.evaluation.scores import finite_mean
 from stixel_cli.measurements.rays import FittedNoise
 from stixel_cli.validation.point_errors import PointErrors
 

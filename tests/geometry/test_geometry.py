@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from projection import project, unproject
 
-from stixel_cli.geometry.polygon import first_hits
+from stixel_cli.geometry.kernel import first_hits
 from stixel_cli.geometry.pose import (
     STRAIGHT_AHEAD,
     ego_from_world,

@@ -169,7 +169,7 @@ def test_target_shadow_darkens_only_shadowed_pixels(static, target):
 def test_sunlit_plane_does_not_shadow_itself():
     static = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
     view = static.views(POSE)[0]
-    assert np.array_equal(view.lit, view.ids == ROAD_ID)
+    assert np.array_equal(view.centres.lit, view.ids == ROAD_ID)
 
 
 def test_edges_are_blended_and_thin_parts_between_pixel_centres_are_found(target):
@@ -220,7 +220,7 @@ def test_texture_is_averaged_over_the_pixel_area():
     mean = linear_from_srgb(texture)[rows, columns].reshape(len(pixels), -1, 3).mean(axis=1)
     ambient = placement.EXPOSURE * placement.AMBIENT * 0.5 * (0.86 + 0.36)
     red = ambient + placement.EXPOSURE * placement.SUNLIGHT * max(0.0, -placement.SUN[1])
-    seen = view.plain[pixels, 0] / red
+    seen = view.centres.light[pixels, 0] / red
     assert np.corrcoef(seen, mean[:, 0])[0, 1] > 0.97
     assert abs(seen.mean() / mean[:, 0].mean() - 1.0) < 0.03
 

@@ -17,7 +17,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from stixel_cli.geometry.polygon import first_hits
+from stixel_cli.geometry.kernel import first_hits
 
 FINE, COARSE = (360, 81), (72, 51)
 """Numbers of even aspects over a full turn and of even offsets over the width: of an outline that

@@ -8,7 +8,7 @@ import pytest
 
 from stixel_cli.evaluation.evaluate import off_target
 from stixel_cli.evaluation.metric_table import METRICS, OF_ESTIMATES, metric, over_runs
-from stixel_cli.evaluation.scan_errors import (
+from stixel_cli.evaluation.scores import (
     DIVERGED_NIS,
     ScanErrors,
     finite_median,
