@@ -64,11 +64,10 @@ def entries(
     Damaged entries are removed, if possible, and added to the list `damaged`.
     """
     found = []
-    for folder in entry_folders(store):
-        entry = folder
+    for entry in entry_folders(store):
         try:
-            notes = store.meta(folder.key)
-            entry = replace(folder, stage=notes["stage"], label=notes["label"])
+            notes = store.meta(entry.key)
+            entry = replace(entry, stage=notes["stage"], label=notes["label"])
             if values:
                 store.checked(entry.key)
             found.append(entry)
