@@ -183,9 +183,8 @@ def tracker(name: options.argument(str, "Name of its module.", "NAME")) -> int:
         raise UserError(f"NAME: {name!r} must be the name of a new module, such as my_tracker")
     templates = Path(__file__).with_name("templates")
     files = {f"{name}.py": "tracker.txt", f"test_{name}.py": "test_tracker.txt"}
-    for file in files:
-        if Path(file).exists():
-            raise UserError(f"{file}: exists and is not overwritten; choose another name")
+    for file in (file for file in files if Path(file).exists()):
+        raise UserError(f"{file}: exists and is not overwritten; choose another name")
     with written(Path()):
         for file, template in files.items():
             write_whole(Path(file), read_text(templates / template).replace("NAME", name))
@@ -223,9 +222,8 @@ def learn_shape(
     from stixel_cli.experiment.class_shapes import MEASUREMENTS, SEEDS, class_text, learned_class
 
     known = (*MEASUREMENTS, "outline")
-    for name in sensor or ():
-        if name not in known:
-            raise UserError(f"--sensor: {name!r} is not known: must be one of {', '.join(known)}")
+    for name in (name for name in sensor or () if name not in known):
+        raise UserError(f"--sensor: {name!r} is not known: must be one of {', '.join(known)}")
     if output.suffix != ".json":
         raise UserError(f"--output: {output} must have the suffix .json")
     options.new_file(output)
