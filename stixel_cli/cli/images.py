@@ -40,7 +40,7 @@ def stixels(
     from stixel_cli.results.folder import csv_text, write_whole_folder
     from stixel_cli.results.tables import stixel_columns
 
-    given = options.recording_overrides("stixels", arguments or [], {"calibration": rig})
+    given = options.recording_overrides("stixels", arguments or [], {"rig": rig})
     if not given:
         raise UserError("stixels needs two images, LEFT and RIGHT, or the folder of a recording")
     composition = compose(options.with_workers(given, workers))
@@ -110,7 +110,7 @@ def assess(
     from stixel_cli.validation.stixel_file import read_stixels
 
     arguments = arguments or []
-    files = {"calibration": rig, "disparity": disparity, "labels": labels}
+    files = {"rig": rig, "disparity": disparity, "labels": labels}
     given = options.recording_overrides("assess", arguments, files)
     if not given and stixels is None:
         raise UserError("assess needs two images, LEFT and RIGHT, a recording, or --stixels FILE")
@@ -133,9 +133,8 @@ def assess(
         return 0
     page = unused_page(Path("assess.html")) if output is None else output
     command = [word for word in ("stixel", "assess", *arguments) if word]
-    named = {"--rig": rig, "--disparity": disparity, "--labels": labels, "--stixels": stixels}
-    for name, file in named.items():
-        command += [] if file is None else [name, str(file)]
+    for name, file in {**files, "stixels": stixels}.items():
+        command += [] if file is None else [f"--{name}", str(file)]
     write_new(page, page_html(assessment, shlex.join(command)))
     print_table(("value", "", "unit"), value_rows(assessment), right=(1,))
     say("", *sentences(assessment), page)
@@ -184,9 +183,8 @@ def tracker(name: options.argument(str, "Name of its module.", "NAME")) -> int:
         raise UserError(f"NAME: {name!r} must be the name of a new module, such as my_tracker")
     templates = Path(__file__).with_name("templates")
     files = {f"{name}.py": "tracker.txt", f"test_{name}.py": "test_tracker.txt"}
-    for file in files:
-        if Path(file).exists():
-            raise UserError(f"{file}: exists and is not overwritten; choose another name")
+    for file in (file for file in files if Path(file).exists()):
+        raise UserError(f"{file}: exists and is not overwritten; choose another name")
     with written(Path()):
         for file, template in files.items():
             write_whole(Path(file), read_text(templates / template).replace("NAME", name))
@@ -224,9 +222,8 @@ def learn_shape(
     from stixel_cli.experiment.class_shapes import MEASUREMENTS, SEEDS, class_text, learned_class
 
     known = (*MEASUREMENTS, "outline")
-    for name in sensor or ():
-        if name not in known:
-            raise UserError(f"--sensor: {name!r} is not known: must be one of {', '.join(known)}")
+    for name in (name for name in sensor or () if name not in known):
+        raise UserError(f"--sensor: {name!r} is not known: must be one of {', '.join(known)}")
     if output.suffix != ".json":
         raise UserError(f"--output: {output} must have the suffix .json")
     options.new_file(output)

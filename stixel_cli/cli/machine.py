@@ -149,9 +149,8 @@ def clear(
             raise UserError("this removes all results: add --yes, there is no terminal to ask at")
         listed = entry_folders(store)
         size = decimal(sum(entry.size for entry in listed))
-        if not typer.confirm(
-            f"remove {len(listed)} results, {size}, from {store.folder}?", err=True
-        ):
+        question = f"remove {len(listed)} results, {size}, from {store.folder}?"
+        if not typer.confirm(question, err=True):
             tell("nothing was removed")
             return 1
     _print_collection(store, collect(store, max_size=0), "removed", json)

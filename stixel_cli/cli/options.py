@@ -174,20 +174,20 @@ def recording_overrides(
     """The overrides that the words of a command line stand for; [] without words.
 
     Words without = are two images or one recording. Added is what a recording without a target
-    needs, on which no stixel depends. `files` has the keys of `source` that belong to two images,
-    with their files; the calibration is required. UserError for another number of files than one or
-    two, or options that do not belong.
+    needs, on which no stixel depends. `files` has the options that belong to two images, with their
+    files; the rig is required. UserError for another number of files than one or two, or options
+    that do not belong.
     """
     named = [word for word in words if "=" not in word]
-    given = {key: file for key, file in files.items() if file is not None}
+    given = {option: file for option, file in files.items() if file is not None}
     if len(named) == 2:
-        if "calibration" not in given:
+        if "rig" not in given:
             raise UserError("--rig: is required with two images: KITTI's file or a rig.yaml")
         settings = {"source": "pair", "source.left": named[0], "source.right": named[1]}
-        settings |= {f"source.{key}": str(file) for key, file in given.items()}
+        settings |= {f"source.{option}": str(file) for option, file in given.items()}
+        settings["source.calibration"] = settings.pop("source.rig")
     elif given:
-        option = next(iter(given)).replace("calibration", "rig")
-        raise UserError(f"--{option}: belongs to two images: give LEFT and RIGHT")
+        raise UserError(f"--{next(iter(given))}: belongs to two images: give LEFT and RIGHT")
     elif len(named) > 2 or any(word.lower().endswith(_IMAGES) for word in named):
         raise UserError(
             f"{command} needs two images, LEFT and RIGHT, or one recording, got {len(named)}: "

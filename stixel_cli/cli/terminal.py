@@ -259,8 +259,7 @@ def print_table(
 
     header, *cells = [[Text(escaped(cell)) for cell in row] for row in (columns, *rows)]
     widths, least = [], []
-    for i, name in enumerate(header):
-        column = [row[i] for row in cells]
+    for i, (name, *column) in enumerate(zip(header, *cells, strict=False)):
         words = (word for cell in (name, *column) for word in cell.split(" "))
         longest_word = max((word.cell_len for word in words), default=0)
         widths.append(max(cell.cell_len for cell in (name, *column)))

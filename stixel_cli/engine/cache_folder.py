@@ -13,7 +13,7 @@ import os
 import socket
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -115,23 +115,19 @@ PATIENCE = 60.0
 """Seconds to wait for another process that cleans up."""
 
 
-class Lease:
+class Lease(ExitStack):
     """A lease of this process on entries of the cache at `folder`, for the time of a `with` block.
 
     In a cache that is read-only nothing is leased: no other process can remove its entries.
     """
 
     def __init__(self, folder: Path, keys: Iterable[str] = ()):
-        self._folder = folder
-        self._keys = keys
-        self._lock: FileLock | None = None
+        super().__init__()
+        self._folder, self._keys = folder, keys
 
     def __enter__(self) -> "Lease":
         self.take(self._keys)
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self.end()
 
     def take(self, keys: Iterable[str]) -> None:
         """Lease `keys` instead of the previous ones. Their entries may not exist yet."""
@@ -143,15 +139,9 @@ class Lease:
                 path.write_text("\n".join(keys), encoding="ascii")
                 lock = file_lock(path.with_suffix(".lock"))
                 lock.acquire(timeout=0)
-            self.end()
-            self._lock = lock
-
-    def end(self) -> None:
-        """End the lease."""
-        if self._lock is not None:
-            _drop(Path(self._lock.lock_file))
-            self._lock.release()
-            self._lock = None
+            self.close()
+            self.callback(lock.release)
+            self.callback(_drop, path)
 
 
 @contextmanager

@@ -102,10 +102,9 @@ def search_also(folders: Iterable[Path]) -> None:
 
 def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
     """Whether all files still have the content of their digests."""
-    try:
+    with suppress(UserError):
         return all(source_files.content_digest(path) == digest for path, digest in files.values())
-    except UserError:
-        return False
+    return False
 
 
 class CodeIndex:

@@ -64,11 +64,10 @@ def entries(
     Damaged entries are removed, if possible, and added to the list `damaged`.
     """
     found = []
-    for folder in entry_folders(store):
-        entry = folder
+    for entry in entry_folders(store):
         try:
-            notes = store.meta(folder.key)
-            entry = replace(folder, stage=notes["stage"], label=notes["label"])
+            notes = store.meta(entry.key)
+            entry = replace(entry, stage=notes["stage"], label=notes["label"])
             if values:
                 store.checked(entry.key)
             found.append(entry)
@@ -167,12 +166,9 @@ def collect(
     if not dry_run:
         store.check_writable()
     with ExitStack() as held:
-        try:
+        # A dry run also works on a store that is read-only.
+        with suppress(*([CacheError] if dry_run else [])):
             held.enter_context(collector_lock(store.folder))
-        except CacheError:
-            # A dry run also works on a store that is read-only.
-            if not dry_run:
-                raise
         used = leased_keys(store.folder)
         found = entry_folders(store)
         whole = size = sum(one.size for one in found)

@@ -101,7 +101,10 @@ class StageFailure(Exception):
         own = [frame for frame in frames if frame[0] in self.own_files]
         own = own or [frame for frame in frames if _is_own(frame[0])]
         file, line, code = (own or frames)[-1]
-        return f"{_near(file)}, line {line}: `{code.strip()}`"
+        with suppress(OSError, ValueError):
+            # Below the working directory.
+            file = str(Path(file).absolute().relative_to(Path.cwd()))
+        return f"{file}, line {line}: `{code.strip()}`"
 
     @property
     def is_about_input(self) -> bool:
@@ -125,10 +128,3 @@ def _is_own(file: str) -> bool:
 
     libraries = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "purelib", "platlib"))
     return not file.startswith(libraries) or f"{os.sep}{_PACKAGE}{os.sep}" in file
-
-
-def _near(file: str) -> str:
-    """The path relative to the working directory, if the file is below it."""
-    with suppress(OSError, ValueError):
-        return str(Path(file).absolute().relative_to(Path.cwd()))
-    return file

@@ -167,14 +167,12 @@ def type_name(value: Any) -> str:
 
 def settings_types(value: Any) -> set[type]:
     """The dataclasses in `value`, at any depth."""
+    kinds: set[type] = set()
     if is_dataclass(value) and not isinstance(value, type):
-        inner = [settings_types(getattr(value, one.name)) for one in fields(value)]
-        return {type(value)}.union(*inner)
-    if isinstance(value, list | tuple):
-        return set().union(*map(settings_types, value))
-    if isinstance(value, Mapping):
-        return set().union(*map(settings_types, value.values()))
-    return set()
+        kinds, value = {type(value)}, [getattr(value, one.name) for one in fields(value)]
+    elif isinstance(value, Mapping):
+        value = [*value.values()]
+    return kinds.union(*map(settings_types, value if isinstance(value, list | tuple) else ()))
 
 
 def digest(tree: Any) -> str:

@@ -42,21 +42,17 @@ def one_thread() -> Iterator[None]:
     try:
         # OpenMP and MKL have a limit for each thread, OpenBLAS has one for the process.
         with controller.limit(limits=1):
-            _check(controller.info())
+            for library in controller.info():
+                if library["num_threads"] not in (1, None):
+                    raise ExecutorError(
+                        f"{Path(library['filepath']).name}: uses {library['num_threads']} threads, "
+                        "and a stage needs one: remove the limits that other threads of this "
+                        "process have set with threadpoolctl, or set OPENBLAS_NUM_THREADS=1 and "
+                        "OMP_NUM_THREADS=1 before NumPy is imported"
+                    )
             yield
     finally:
         _limits.leave()
-
-
-def _check(libraries: list[dict[str, Any]]) -> None:
-    for library in libraries:
-        if library["num_threads"] not in (1, None):
-            raise ExecutorError(
-                f"{Path(library['filepath']).name}: uses {library['num_threads']} threads, and a "
-                "stage needs one: remove the limits that other threads of this process have set "
-                "with threadpoolctl, or set OPENBLAS_NUM_THREADS=1 and OMP_NUM_THREADS=1 before "
-                "NumPy is imported"
-            )
 
 
 class _Limits:

@@ -164,18 +164,15 @@ def _check(name: str, source: Path) -> None:
         py_compile.compile(str(source), str(bytecode), doraise=True, invalidation_mode=mode)
         replaced = True
     if not same and (name in sys.modules or not replaced):
-        raise CodeChanged(
-            f"{bytecode}: stale bytecode of {source}: "
-            + ("replaced; run the command again" if replaced else "delete it")
-        )
+        advice = "replaced; run the command again" if replaced else "delete it"
+        raise CodeChanged(f"{bytecode}: stale bytecode of {source}: {advice}")
 
 
 def _code(content: bytes) -> CodeType | None:
     """The code in a `.pyc` file; None if it is damaged."""
-    try:
+    with suppress(EOFError, ValueError, TypeError):
         return marshal.loads(content[16:])
-    except (EOFError, ValueError, TypeError):
-        return None
+    return None
 
 
 PREFIX = "stixel-"

@@ -8,9 +8,11 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Protocol
 
+from stixel_cli.engine.cache_folder import inside
 from stixel_cli.engine.limits import ENVIRONMENT
 
 ORPHAN_INTERVAL = 0.5
@@ -163,12 +165,8 @@ def fork_is_safe() -> bool:
 
     In a copy of a process with several threads, the locks of the others stay locked for ever.
     """
-    try:
-        threads = len(os.listdir("/proc/self/task"))
-    except OSError:
-        # Not Linux.
-        return False
-    return threads == 1 and all(os.environ.get(name) == n for name, n in ENVIRONMENT.items())
+    threads = inside(Path("/proc/self/task"))  # Empty if this is not Linux.
+    return len(threads) == 1 and all(os.environ.get(name) == n for name, n in ENVIRONMENT.items())
 
 
 def settle(future: Future, function: Callable[..., Any], arguments: tuple) -> None:

@@ -7,7 +7,7 @@ import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from importlib import import_module
@@ -140,12 +140,9 @@ def _own_part(error: Exception) -> str:
 
 def _portable(error: Exception) -> Exception:
     """The error, or its text if it cannot be pickled."""
-    try:
-        copy = unpickled_bytes(pickle.dumps(error))
-        if str(copy) == str(error):
+    with suppress(Exception):
+        if str(unpickled_bytes(pickle.dumps(error))) == str(error):
             return error
-    except Exception:
-        pass
     return RuntimeError(f"{type(error).__name__}: {error}")
 
 

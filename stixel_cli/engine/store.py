@@ -205,24 +205,20 @@ class Store:
         return MissingEntry(key, reason, removed=self.remove(key))
 
     def _put_in_place(self, partial: Path, entry: Path) -> None:
-        try:
-            _move(partial, entry)
-        except OSError:
-            if self.has(entry.name):
-                # Another process stored the same result first.
+        for is_last in (False, False, True):
+            # A cleanup may remove the folder while it is empty.
+            entry.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                partial.rename(entry)
                 return
-            # A damaged entry, or one that was removed in part.
-            self.remove(entry.name)
-            _move(partial, entry)
-
-
-def _move(partial: Path, entry: Path) -> None:
-    try:
-        partial.rename(entry)
-    except FileNotFoundError:
-        # There is no such folder yet, or a cleanup removed it when it was empty.
-        entry.parent.mkdir(parents=True, exist_ok=True)
-        partial.rename(entry)
+            except OSError:
+                if self.has(entry.name):
+                    # Another process stored the same result first.
+                    return
+                if is_last:
+                    raise
+                # A damaged entry, or one that was removed in part.
+                self.remove(entry.name)
 
 
 _OWN_DIGEST = b'{\n "notes_digest": "'

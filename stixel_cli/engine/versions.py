@@ -27,11 +27,9 @@ def python_version() -> str:
 @cache
 def installed_version(name: str) -> str | None:
     """Version of a distribution; None if it is not installed. Cached for the process."""
-    try:
-        distribution = Distribution.from_name(name)
-    except PackageNotFoundError:
-        return None
-    return _field(distribution, "Version")
+    with suppress(PackageNotFoundError):
+        return _field(Distribution.from_name(name), "Version")
+    return None
 
 
 def _field(distribution: Distribution, name: str) -> str:

@@ -31,18 +31,17 @@ def export_mlflow(folder: Path, target: Path) -> None:
     with located("--format: mlflow needs mlflow: pip install 'stixel[mlflow]'", caught=ImportError):
         from mlflow.tracking import MlflowClient
     is_sweep = (folder / result.SWEEP_FILE).exists()
-    run = None if is_sweep else result.read_run(folder)
-    sweep = read_sweep(folder) if is_sweep else None
+    stored = read_sweep(folder) if is_sweep else result.read_run(folder)
     with whole_folder(target) as partial:
         client = MlflowClient(tracking_uri=f"sqlite:///{partial / DATABASE}")
         try:
             artifacts = (target / "artifacts").as_uri()
             experiment = client.create_experiment("stixel", artifact_location=artifacts)
             log = _Log(client, experiment, partial / "artifacts", folder.resolve())
-            if run is not None:
-                log.run(run, folder.name)
+            if is_sweep:
+                _log_sweep(log, stored)
             else:
-                _log_sweep(log, sweep)
+                log.run(stored, folder.name)
         finally:
             # SQLite's file is closed before it moves, or goes.
             client._tracking_client.store._dispose_engine()

@@ -133,13 +133,12 @@ def _angle_to_motion(scenario: Scenario, headings: np.ndarray) -> float:
 def _contours(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
     """The contours (L, M, 2) m, counter-clockwise: the array `contour`, else the box."""
     if "contour" in table:
-        contours = table["contour"]
-        contours = contours[None] if contours.ndim == 2 else contours
+        given = table["contour"]
+        contours = given[None] if given.ndim == 2 else given
         corners = contours.shape[1] if contours.ndim == 3 and contours.shape[2] == 2 else 0
         if corners < 3 or not 1 <= len(contours) <= MOST_CORNERS // corners:
             raise UserError(
-                f"{file}: contour has shape {table['contour'].shape}, must be (M, 2) or "
-                f"(L, M, 2) with M ≥ 3"
+                f"{file}: contour has shape {given.shape}, must be (M, 2) or (L, M, 2) with M ≥ 3"
             )
         if not np.isfinite(contours).all():
             raise UserError(f"{file}: contour must have finite numbers only")

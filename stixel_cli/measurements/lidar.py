@@ -65,7 +65,7 @@ def lidar_scans(
     """
     scans = [
         _scan(returns, k, pose, measurement, generator(seed, "lidar", k))
-        for k, pose in enumerate(ego_motion.poses_world)
+        for k, (_, pose) in enumerate(zip(returns.ranges, ego_motion.poses_world, strict=True))
     ]
     view = FieldOfView(*field_of_view)
     heights = [scan[2] for scan in scans] if measurement.returns == "all" else None

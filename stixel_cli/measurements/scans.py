@@ -129,7 +129,9 @@ class Scans:
 
     def __post_init__(self):
         for k in np.flatnonzero(~(np.abs(self.times) <= FARTHEST)):
-            raise ValueError(f"scan {k} is at {self.times[k]:g} s, must be within ±{FARTHEST:g} s")
+            raise ValueError(
+                f"time of scan {k}: {self.times[k]:g} s: must be within ±{FARTHEST:g} s"
+            )
 
     @classmethod
     def of_each(

@@ -56,15 +56,13 @@ def read_table(
         if name not in columns and name.lower() in plain:
             column = printable(plain[name.lower()])
             raise UserError(f"{file}: the column {column!r} must be named {name}")
-    missing = [name for name in needed if name not in columns]
-    if missing:
-        raise UserError(f"{file}: the column {missing[0]} is missing (needed: {', '.join(needed)})")
+    for name in (name for name in needed if name not in columns):
+        raise UserError(f"{file}: the column {name} is missing (needed: {', '.join(needed)})")
     for group in together:
         absent = [name for name in group if name not in columns]
         if absent and len(absent) < len(group):
             raise UserError(
-                f"{file}: the column {absent[0]} is missing: give all of {', '.join(group)}, or "
-                "leave out all of them"
+                f"{file}: the column {absent[0]} is missing: give all or none of {', '.join(group)}"
             )
     table = {name: _numbers(file, name, columns[name]) for name in names if name in columns}
     if len({len(column) for column in table.values()}) > 1:

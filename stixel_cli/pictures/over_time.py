@@ -133,9 +133,8 @@ def rig_pictures(calibration: RigCalibration) -> Pictures:
         left.plot(calibration.columns, calibration.errors, ",", color=style.UNUSED)
         left.fill_between(columns, error - 2 * band, error + 2 * band, color=style.CONSISTENT)
         left.plot(columns, error, color=style.ESTIMATE)
-        left.set_ylim(min(error.min(), 0.0) - 1.5, max(error.max(), 0.0) + 1.5)
+        left.set(ylim=(min(error.min(), 0.0) - 1.5, max(error.max(), 0.0) + 1.5), ylabel="px")
         left.set_title("Disparity error, ± 2 standard deviations; points: static points")
-        left.set_ylabel("px")
         for depth, colour in zip(DEPTHS, style.RUNS, strict=False):
             per_pixel = depth / rig.disparity_from_depth(depth)
             right.plot(columns, -per_pixel * error, color=colour, label=f"{depth:g} m")

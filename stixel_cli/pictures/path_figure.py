@@ -180,8 +180,7 @@ def _draw_strip(
     axes.plot([right - metres, right], [-0.27 * height] * 2, color="#444444", linewidth=1.5)
     below = {"xytext": (0, -3), "textcoords": "offset points", "ha": "right", "va": "top"}
     axes.annotate(f"{metres:g} m", (right, -0.27 * height), size=7.5, **below)
-    axes.set_xlim(0.0, right)
-    axes.set_ylim(-0.5 * height, 0.5 * height)
+    axes.set(xlim=(0.0, right), ylim=(-0.5 * height, 0.5 * height))
     axes.set_aspect("equal", anchor="W")
     axes.set_axis_off()
     whose = "true" if scenario.known.any() else "estimated"

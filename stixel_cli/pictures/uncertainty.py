@@ -58,9 +58,8 @@ def tracker_noise(tracker: Any, scans: Scans) -> tuple[str, np.ndarray, float | 
         added = scans.covariances_world + std**2 * np.eye(2)
         return f"R = the scan's + (measurement_std, {std:.3g} m)²", added, None
     if kind == "contour":
-        stretched = _stretched(scans, tracker.noise_factor)
         text = f"R along the ray = ({tracker.noise_factor:g} σ)², and the shape's error"
-        return text, stretched, None
+        return text, _stretched(scans, tracker.noise_factor), None
     return "the covariance that the scan states", scans.covariances_world, None
 
 

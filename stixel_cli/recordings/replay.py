@@ -63,7 +63,7 @@ def find_motion(folder: Path, sequence: str | None) -> Recording:
         known = ", ".join(sequences(root))
         raise UserError(f"path.sequence: {labels}: no such file; there are {known}")
     if not poses[-1].is_file():
-        raise UserError(f"path.sequence: {poses[-1]}: no such file; ego poses are required")
+        raise UserError(f"path.sequence: {poses[-1]}: no such file; the ego car's motion is needed")
     calibration = read_calibration(root / "calib" / f"{name}.txt", ("P2", "P3"))
     return Recording(
         layout="kitti_tracking",

@@ -67,8 +67,8 @@ def test_a_lease_that_is_taken_again_lets_the_others_go(store):
     own.take(KEYS[2:3])
     collect(store, max_size=0)
     assert left(store) == KEYS[2:3]
-    own.end()
-    own.end()
+    own.close()
+    own.close()
 
 
 HOLD = """

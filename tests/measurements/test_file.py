@@ -231,7 +231,7 @@ FAULTS = {
     "k,t,x,y\n0,1,1,1\n1,0.5,1,1\n": "t must increase with k",
     "k,t,x,y\n": "has no points: give the times of the scans, measurement.ego=FILE",
     "k,t,x,y\n5,0,1,1\n": "give measurement.ego=FILE",
-    "k,t,x,y,var_xx\n0,0,1,1,1\n": "the column var_xy is missing: give all of var_xx",
+    "k,t,x,y,var_xx\n0,0,1,1,1\n": "the column var_xy is missing: give all or none of var_xx",
     "k,t,x,y,var_xx,var_xy,var_yy\n0,0,1,1,1,2,1\n": "line 2: var_xx, var_xy, var_yy must be",
     'k,t,x,y\n0,0,"1,1\n': "not a table",
     b"k,t,x,y\n\xff,0,1,1\n": "not a text in UTF-8",
