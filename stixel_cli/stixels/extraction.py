@@ -6,16 +6,13 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.grouping import Grouping, Layer, group_columns
+from stixel_cli.stixels.grouping import BINS_PER_PIXEL, Grouping, Layer, group_columns
 from stixel_cli.stixels.height import Frame, depth_windows, top_rows
 from stixel_cli.stixels.layers import layers_behind
 from stixel_cli.stixels.parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.refinement import aligned
 from stixel_cli.stixels.road import base_rows, pitch_and_height
 from stixel_cli.stixels.types import SAME_OBJECT, FreeSpace, Stixels
-
-BINS_PER_PIXEL = 8
-"""Resolution of the stixels' histograms of disparities."""
 
 UNEVEN_REACH = 8
 """The unevenness of a surface is a mean over so many stixels on either side."""
@@ -59,7 +56,6 @@ def stixels_of_frame(
     rig, columns = frame.rig, frame.columns
     grouping = Grouping(
         extraction.width,
-        BINS_PER_PIXEL,
         smoothing_kernel(extraction.smoothing),
         extraction.least_pixels,
         # A height h has f_v h / z = (f_v / f) h d / B rows.
