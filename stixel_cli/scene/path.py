@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.scene.contours import moving_target
+from stixel_cli.scene.contours import road_user_contours
 from stixel_cli.scene.parameters import Arc, Line, Path, RoadUser, SCurve, StopAndGo, Waypoints
+from stixel_cli.scene.road_user import limb_poses
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 if TYPE_CHECKING:  # see `waypoint_spline`
@@ -26,7 +27,9 @@ def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Sc
     """
     poses, rates = path_poses(path, ego_motion.times)
     travelled, _ = driven(path, ego_motion.times)
-    return moving_target(ego_motion, road_user, poses, rates, travelled)
+    ego = ego_motion.times, ego_motion.poses_world
+    target = poses, rates, road_user_contours(road_user), limb_poses(road_user, travelled)
+    return Scenario(*ego, *target)
 
 
 def path_poses(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
