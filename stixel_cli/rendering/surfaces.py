@@ -1,7 +1,7 @@
 """Triangles in the form of the ray caster: tables of planes, texture gradients and mip-maps."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -85,19 +85,14 @@ def build_surfaces(objects: Iterable[tuple[int, Mesh]]) -> Surfaces:
     counts = [len(part.triangles) for part in parts]
     texture = np.array([numbers[id(part.texture)] for part in parts], dtype=np.int32)
     return Surfaces(
-        **_geometry(parts),
+        **of_vertices(parts),
         texture=np.repeat(texture, counts),
         object_ids=np.repeat(np.array(ids, dtype=np.uint8), counts),
         textures=build_textures(images.values()),
     )
 
 
-def with_other_vertices(surfaces: Surfaces, mesh: Mesh) -> Surfaces:
-    """`surfaces` of one mesh with the vertices of `mesh`, which differs from it in nothing else."""
-    return replace(surfaces, **_geometry(mesh))
-
-
-def _geometry(parts: Mesh) -> dict[str, Any]:
+def of_vertices(parts: Mesh) -> dict[str, Any]:
     """The attributes of `Surfaces` that depend on vertices."""
     vertices, triangles = joined([(part.vertices, part.triangles) for part in parts])
     uvs = np.concatenate([part.uvs for part in parts])

@@ -66,7 +66,10 @@ def house(
     triangles = quads_to_triangles(np.arange(len(vertices)))
     walls = Part(np.array(vertices), triangles, np.array(uvs), front, "walls")
     gable = part("roof", [_gable(low, high, height, ridge)], roof, 4.0)
-    return walls, gable, part("chimney", [_chimney(low, high, height)], front, 6.0)
+    sides = np.subtract(high, low)
+    corner = low + 0.3 * sides
+    chimney = box((*corner, height), (*(corner + 0.8), height + 0.40 * np.min(sides)))
+    return walls, gable, part("chimney", [chimney], front, 6.0)
 
 
 def _gable(low, high, height, ridge):
@@ -78,12 +81,6 @@ def _gable(low, high, height, ridge):
     else:
         ends = [[(x0, y, height), (0.5 * (x0 + x1), y, top), (x1, y, height)] for y in (y0, y1)]
     return loft(np.array(ends))
-
-
-def _chimney(low, high, height):
-    sides = np.subtract(high, low)
-    corner = low + 0.3 * sides
-    return box((*corner, height), (*(corner + 0.8), height + 0.40 * np.min(sides)))
 
 
 def tower(
