@@ -93,7 +93,14 @@ def _s_curve(path: SCurve, length):
         heading = mean + swing * np.sin(rate * s)
         return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
 
-    positions = np.array(path.start) + _integral(direction, length, path.wavelength / 8.0)
+    # Exact to rounding: panels of an eighth of a wavelength, and the rest of the last one.
+    panel = path.wavelength / 8.0
+    count = max(1, int(np.ceil(np.max(length, initial=0.0) / panel)))
+    ends = panel * np.arange(count + 1)
+    whole = np.cumsum(_integrals(direction, ends[:-1], ends[1:]), axis=0)
+    last = np.clip((length / panel).astype(int), 0, count - 1)
+    moved = np.concatenate([np.zeros((1, 2)), whole])[last]
+    positions = np.array(path.start) + (moved + _integrals(direction, ends[last], length))
     poses = np.column_stack([positions, mean + swing * np.sin(rate * length)])
     return poses, swing * rate * np.cos(rate * length)
 
@@ -145,16 +152,6 @@ def _spline_parameter(spline: "CubicSpline", length: np.ndarray):
         error = driven[panel] + _integrals(pace, low, parameter) - inside
         parameter = np.clip(parameter - error / pace(parameter), low, high)
     return parameter, past
-
-
-def _integral(function: Callable, ends: np.ndarray, longest_panel: float) -> np.ndarray:
-    """Integral of `function` (n,) → (n, 2) from 0 to each of `ends` (K,), to rounding."""
-    count = max(1, int(np.ceil(np.max(ends, initial=0.0) / longest_panel)))
-    panels = longest_panel * np.arange(count + 1)
-    inside = np.cumsum(_integrals(function, panels[:-1], panels[1:]), axis=0)
-    whole = np.concatenate([np.zeros((1, 2)), inside])
-    panel = np.clip((ends / longest_panel).astype(int), 0, count - 1)
-    return whole[panel] + _integrals(function, panels[panel], ends)
 
 
 def _integrals(function: Callable, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

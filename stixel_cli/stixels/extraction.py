@@ -83,7 +83,7 @@ def stixels_of_frame(
             refined = aligned(*images, columns, areas, given, frame.scale, errors)
             values[:, 0] += extraction.refinement * (refined - given)
         areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
-        fields = group_fields(areas, values, frame.line, rig, extraction)
+        fields = group_fields(areas, values, frame, extraction)
         if found:
             # Its foot is hidden.
             fields["base"] = np.minimum(fields["base"], areas[:, 3]).astype(np.int32)
@@ -113,17 +113,14 @@ def smoothing_kernel(std: float) -> np.ndarray:
 
 
 def group_fields(
-    areas: np.ndarray,
-    measured: np.ndarray,
-    line: np.ndarray,
-    rig: Rig,
-    extraction: ExtractionParameters,
+    areas: np.ndarray, measured: np.ndarray, frame: Frame, extraction: ExtractionParameters
 ) -> dict[str, np.ndarray]:
     """Fields of `Stixels` from column ranges, tops and disparities.
 
     `areas` (S, 4) are left, right (exclusive), top and base row; `measured` (S, 2)
     pitch-compensated disparity px and mean row of the pixels.
     """
+    line, rig = frame.line, frame.rig
     left, right, top = areas[:, 0], areas[:, 1], areas[:, 2].astype(np.float64)
     disparity, mean_row = measured[:, 0], measured[:, 1]
     pitch, camera_height = pitch_and_height(line, rig)
