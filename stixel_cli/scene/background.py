@@ -28,7 +28,6 @@ class Materials:
     """Textures of houses, trees and posts that both worlds have, for a `seed` and a `contrast`."""
 
     def __init__(self, seed: int, contrast: float):
-        depth = 0.08 + 0.20 * contrast
         self.fronts = [
             facade(f"front {seed} {i}", colour, 2 + i % 2, brick, contrast)
             for i, (colour, brick) in enumerate(WALLS)
@@ -36,7 +35,7 @@ class Materials:
         self.roof = roof_tiles("roof red", (150, 78, 58), contrast)
         self.bark = mottled("bark", (92, 76, 60), 0.10 + 0.3 * contrast, coarsest=3.0)
         self.leaves = leaves("leaves", (86, 112, 52), contrast)
-        self.metal = mottled("post", (106, 112, 112), depth, coarsest=3.0)
+        self.metal = mottled("post", (106, 112, 112), 0.08 + 0.20 * contrast, coarsest=3.0)
         self.glass = mottled("lamp glass", (226, 222, 204), 0.08)
         self.woods = leaves("woods", (74, 96, 56), contrast)
 
