@@ -12,10 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_093
+TOTAL = 44_983
 """Greatest number of lines in all."""
 
-MODULES = 242
+MODULES = 241
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -23,9 +23,9 @@ BUDGET = {
     "answers": 1356,
     "benchmark": 1004,
     "calibration": 559,
-    "cli": 2600,
+    "cli": 2581,
     "config": 2486,
-    "engine": 4166,
+    "engine": 4123,
     "evaluation": 1570,
     "experiment": 1223,
     "export": 696,
@@ -34,7 +34,7 @@ BUDGET = {
     "machine": 186,
     "measurements": 1778,
     "pictures": 1384,
-    "recordings": 2597,
+    "recordings": 2594,
     "rendering": 2154,
     "report": 735,
     "results": 1347,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2024,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6433,
+    "tracking": 6388,
     "validation": 1219,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -72,9 +72,7 @@ def assess(
         Path | None, "True disparities: PNG of 16 bits, 256 per px, 0 for unknown.", "FILE"
     ) = None,
     labels: options.option(Path | None, "KITTI's labels of the pair.", "FILE") = None,
-    calibrate: options.flag(
-        "--calibrate", "Estimate the disparity error of a recording's rig only."
-    ) = False,
+    calibrate: options.flag("--calibrate", "Only estimate the disparity error of the rig.") = False,
     output: options.option(
         Path | None,
         "Output file (default: assess.html). With --calibrate: also write the rig to it, "

@@ -72,19 +72,15 @@ def _words_in_bash(incomplete: str) -> tuple[list[str], str]:
 
 
 def _candidates(typed: str, words: list[str]) -> list[str]:
-    key, values = split_override(typed)
+    options, (key, values) = folders.group_options(), split_override(typed)
     *given, last = values.split(",")
     if given:
-        further = [
-            o for o in folders.group_options().get(key, ()) if o.startswith(last) and o not in given
-        ]
+        further = [o for o in options.get(key, ()) if o.startswith(last) and o not in given]
         return [f"{key}={','.join((*given, option))}" for option in further]
-    groups = [group for group in folders.group_options() if group.startswith(key)]
+    groups = [group for group in options if group.startswith(key)]
     if "=" in typed or len(groups) == 1:
         # The shell appends a space to a single `group=`, so complete to its options.
-        matches = [
-            f"{group}={option}" for group in groups for option in folders.group_options()[group]
-        ]
+        matches = [f"{group}={option}" for group in groups for option in options[group]]
         for group in {*folders.ENTRY_POINTS}.intersection(groups):
             matches += [f"{group}={name}" for name in folders.installed_functions(group)]
     else:
@@ -234,12 +230,8 @@ ImagesOrRecording = argument(
 )
 Folder = argument(Path, "Result folder of a run.", "FOLDER", complete_folder)
 Folders = argument(list[Path], "A sweep, or result folders of runs.", "FOLDER", complete_folder)
-Name = option(
-    str | None, "Name of the result folder (default: the changed settings, and the time)."
-)
-Output = option(
-    Path | None, "Output file (default: named after the runs).", "FILE", callback=new_file
-)
+Name = option(str | None, "Name of the result folder (default: the changed settings and the time).")
+Output = option(Path | None, "Output file (default: named by the runs).", "FILE", callback=new_file)
 Resume = option(
     Path | None,
     "Resume that folder: run what is missing or failed; accepts overrides of executor and "
@@ -247,17 +239,14 @@ Resume = option(
     "FOLDER",
     autocompletion=complete_folder,
 )
-NewFolder = option(
-    Path | None, "New folder (default: named after its input).", "FOLDER", "--output"
-)
+NewFolder = option(Path | None, "New folder (default: named by its input).", "FOLDER", "--output")
 Results = option(Path, "Folder in which to create the result folder.", "DIR")
 Workers = option(int | None, "Number of workers; short for executor.workers=…", min=1, max=4096)
 Json = flag("--json", "Print the result as JSON only.")
 Verbose = flag("--verbose", "Print all scores, and the names of computed stages.", "-v")
 DryRun = flag(
     "--dry-run",
-    "Print what would be computed, and how long it takes; of one run also the "
-    "configuration. Compute nothing.",
+    "Print what would be computed, how long it takes, and a run's configuration; compute nothing.",
 )
 FromFile = option(
     str | None,
@@ -265,11 +254,7 @@ FromFile = option(
     "FILE",
     "--from",
 )
-Over = option(
-    str | None,
-    "Swept keys that means and intervals are over, such as seed,path (default: seed).",
-    "KEYS",
-)
+Over = option(str | None, "Swept keys to average over, such as seed,path (default: seed).", "KEYS")
 Pictures = flag("--pictures", "Draw the pictures of every run.")
 
 ConfigDir = option(

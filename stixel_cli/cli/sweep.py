@@ -138,9 +138,7 @@ def print_answers(result: "SweepResult") -> None:
 
 def tune(
     overrides: options.SweepOverrides = None,
-    objective: options.option(
-        str, "One metric, or two for a Pareto front: A,B.", "METRICS"
-    ) = "iou_mean",
+    objective: options.option(str, "A metric, or A,B for a Pareto front.", "METRICS") = "iou_mean",
     trials: options.option(int, "Number of trials.", min=1, max=10_000) = 40,
     seeds: options.option(
         int, "Seeds from 1000 to tune on, and from 0 to report.", min=1, max=1000

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import write_whole
-from stixel_cli.engine.errors import CacheError, unwritable
+from stixel_cli.engine.errors import CacheError, writing
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_bytes
 
@@ -160,14 +160,13 @@ def collector_lock(folder: Path) -> Iterator[None]:
 
     CacheError if the folder cannot be written, or another process keeps the lock for too long.
     """
-    try:
-        held = file_lock(folder / "collector.lock").acquire(timeout=PATIENCE)
-    except TimeoutError as error:
-        raise CacheError(
-            f"another process has been cleaning the cache {folder} for {PATIENCE:.0f} s"
-        ) from error
-    except OSError as error:
-        raise unwritable(folder, error) from error
+    with writing(folder):
+        try:
+            held = file_lock(folder / "collector.lock").acquire(timeout=PATIENCE)
+        except TimeoutError as error:
+            raise CacheError(
+                f"another process has been cleaning the cache {folder} for {PATIENCE:.0f} s"
+            ) from error
     with held:
         yield
 
@@ -178,9 +177,7 @@ def leased_keys(folder: Path) -> set[str]:
     Requires `collector_lock`.
     """
     keys: set[str] = set()
-    for path in inside(folder / LEASES):
-        if path.suffix != ".keys":
-            continue
+    for path in sorted((folder / LEASES).glob("*.keys")):
         lock = file_lock(path.with_suffix(".lock"))
         try:
             lock.acquire(timeout=0)

@@ -19,6 +19,7 @@ imports included, makes the stage stale.
 import importlib
 import sys
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -189,10 +190,8 @@ class _Walk:
         path = [*(p for p in sys.path if p not in _added), *map(str, self._own)]
         spec = PathFinder.find_spec(top, path) if own else None
         if spec is None:
-            try:
+            with suppress(ImportError, ValueError):
                 spec = find_spec(top)
-            except (ImportError, ValueError):
-                return ()
         if spec is None:
             return ()
         if spec.submodule_search_locations:

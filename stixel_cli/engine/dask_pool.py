@@ -7,9 +7,9 @@ the store, which all workers must share.
 import logging
 import pickle
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -52,11 +52,10 @@ class DaskPool(Pool):
         self._seen = time.monotonic()
         self._noted = False
         logger = logging.getLogger("distributed")
-        # What fails here, also Ctrl-C, closes what is open.
         with ExitStack() as opened:
             opened.callback(logger.setLevel, logger.level)
             logger.setLevel(logging.CRITICAL)
-            self._client = opened.enter_context(_client(executor))
+            self._client = _client(executor)
             self._opened = opened.pop_all()
         self._address = self._client.scheduler.address
         self._open: dict[str, Future] = {}
@@ -140,7 +139,8 @@ class DaskPool(Pool):
 
     def close(self) -> None:
         """Disconnect from the scheduler."""
-        self._opened.close()
+        with self._opened, suppress(Exception):
+            self._client.close(timeout=1.0)
 
     def _lost(self) -> ExecutorError:
         return ExecutorError(f"the Dask scheduler at {self._address} is gone; results are kept")
@@ -157,8 +157,7 @@ def _run(call: bytes) -> None:
     worker.log_event(PROGRAM, (worker.get_current_task(), outcome))
 
 
-@contextmanager
-def _client(executor: DaskExecutor) -> Iterator["Client"]:
+def _client(executor: DaskExecutor) -> "Client":
     """A client of the scheduler at the executor's address."""
     _distributed()
     if executor.address is None:
@@ -167,16 +166,11 @@ def _client(executor: DaskExecutor) -> Iterator["Client"]:
             "executor=local starts processes on this machine"
         )
     try:
-        client = connected(executor.address, PATIENCE)
+        return connected(executor.address, PATIENCE)
     except UNREACHABLE as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         text = f"executor.address: no Dask scheduler at {executor.address} ({reason})"
         raise ExecutorError(text) from error
-    try:
-        yield client
-    finally:
-        with suppress(Exception):
-            client.close(timeout=1.0)
 
 
 def _distributed() -> ModuleType:

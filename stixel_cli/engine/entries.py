@@ -1,4 +1,7 @@
-"""Entries of the store: list and verify them; remove them by age and size, and what was left."""
+"""Entries of the store: list and verify them; remove them by age and size, and what was left.
+
+All raise CacheError if the store cannot be read; what removes, if it cannot be written either.
+"""
 
 import os
 import re
@@ -20,7 +23,8 @@ from stixel_cli.engine.store import Store
 COMPARED = 2000
 """Maximum number of notes per stage that `stored_notes` yields."""
 
-_KEY = re.compile(r"[0-9a-f]{64}")
+_KEY = "[0-9a-f]" * 64
+"""A pattern of regular expressions and of `glob`."""
 
 
 @dataclass(frozen=True)
@@ -39,21 +43,15 @@ class Entry:
 
 
 def entry_folders(store: Store) -> list[Entry]:
-    """List the folders of all entries, least recently used first, without reading a file.
-
-    CacheError if the store cannot be read.
-    """
+    """List the folders of all entries, least recently used first, without reading a file."""
     found = []
-    for prefix in _folders(store.folder):
-        if len(prefix.name) != 2:
-            continue
-        for entry in _folders(Path(prefix)):
-            if not _KEY.fullmatch(entry.name):
-                continue
-            # `entries` reports a file that is missing.
-            with suppress(OSError), os.scandir(entry.path) as files:
-                sizes = [f.stat().st_size for f in files if f.is_file(follow_symlinks=False)]
-                last_use = entry.stat().st_mtime
+    prefixes = (Path(one) for one in _folders(store.folder) if len(one.name) == 2)
+    for entry in (one for prefix in prefixes for one in _folders(prefix)):
+        # `entries` reports a file that is missing.
+        with suppress(OSError), os.scandir(entry.path) as files:
+            sizes = [f.stat().st_size for f in files if f.is_file(follow_symlinks=False)]
+            last_use = entry.stat().st_mtime
+            if re.fullmatch(_KEY, entry.name):
                 found.append(Entry(entry.name, Path(entry.path), sum(sizes), last_use))
     return sorted(found, key=lambda one: (one.last_use, one.key))
 
@@ -63,8 +61,7 @@ def entries(
 ) -> list[Entry]:
     """List all entries whose notes, and `values`, are not damaged, least recently used first.
 
-    Damaged entries are removed, if possible, and added to the list `damaged`. CacheError if the
-    store cannot be read.
+    Damaged entries are removed, if possible, and added to the list `damaged`.
     """
     found = []
     for folder in entry_folders(store):
@@ -85,10 +82,7 @@ def entries(
 def stored_notes(
     store: Store, stages: Container[str], keys: Container[str]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the notes of `keys` and of the last entries of `stages`, most recently used first.
-
-    CacheError if the store cannot be read.
-    """
+    """Yield the notes of `keys` and of the last entries of `stages`, most recently used first."""
     counts: dict[str, int] = {}
     for one in reversed(entry_folders(store)):
         with suppress(MissingEntry):
@@ -167,8 +161,6 @@ def collect(
             with 0 all, and the digests of source files.
         older_than: remove entries that were not used for these seconds.
         dry_run: report what would be removed, and remove nothing.
-
-    CacheError if the store cannot be read or written.
     """
     if not store.folder.is_dir():
         return Collection(0, 0, 0, 0, 0, 0, 0)
@@ -215,9 +207,7 @@ def _leftovers(store: Store, everything: bool) -> Iterator[tuple[Path, int]]:
 
 def _tidy(store: Store) -> None:
     """Remove unheld locks and empty folders."""
-    for path in inside(store.folder / "locks"):
-        if not re.fullmatch(r"[0-9a-f]{64}\.lock", path.name):
-            continue
+    for path in (store.folder / "locks").glob(f"{_KEY}.lock"):
         lock = file_lock(path)
         with suppress(OSError, Timeout):
             lock.acquire(timeout=0)
@@ -225,8 +215,7 @@ def _tidy(store: Store) -> None:
             with suppress(OSError):
                 path.unlink()
             lock.release()
-    for folder in inside(store.folder):
-        # Of the first digits of keys. `Store.save` creates them.
-        if re.fullmatch("[0-9a-f]{2}", folder.name):
-            with suppress(OSError):
-                folder.rmdir()
+    # Of the first digits of keys. `Store.save` creates them.
+    for folder in store.folder.glob("[0-9a-f]" * 2):
+        with suppress(OSError):
+            folder.rmdir()

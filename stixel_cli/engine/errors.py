@@ -3,7 +3,8 @@
 import errno
 import os
 import re
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,15 +30,17 @@ class MissingEntry(CacheError):
 _NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
 
 
-def unwritable(folder: Path, error: OSError) -> CacheError:
-    """Error for a cache at `folder` in which a file cannot be written or locked."""
-    if error.errno in _NO_LOCKS:
-        return CacheError(
-            f"the file system of the cache {folder} does not support locks (flock): mount it with "
-            "locks, or choose another folder"
-        )
-    reason, choose = error.strerror or error, "choose another (cache.folder or STIXEL_CACHE)"
-    return CacheError(f"cannot write in the cache {folder}: {reason}: {choose}")
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Context that writes or locks files of the cache at `folder`; CacheError if it cannot."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"{error.strerror or error}:"
+        if error.errno in _NO_LOCKS:
+            reason = "its file system does not support locks (flock): mount it with locks, or"
+        choose = "choose another (cache.folder or STIXEL_CACHE)"
+        raise CacheError(f"cannot write in the cache {folder}: {reason} {choose}") from error
 
 
 class InvalidCode(UserError, LookupError):

@@ -13,14 +13,14 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.engine.errors import ExecutorError, TimeLimitExceeded, unwritable
+from stixel_cli.engine.errors import ExecutorError, TimeLimitExceeded, writing
 
 _LIBRARIES = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "BLIS")}
 _LIBRARIES |= {"VECLIB_MAXIMUM_THREADS": "1", "OPENCV_FOR_THREADS_NUM": "1"}
@@ -78,9 +78,11 @@ class _Limits:
                     self.undo.callback(cv2.setNumThreads, cv2.getNumThreads())
                     cv2.setNumThreads(1)
             if any(os.environ.get(name) != value for name, value in _LIBRARIES.items()):
-                before = {name: os.environ.get(name) for name in _LIBRARIES}
-                self.undo.callback(_set_environment, before)
-                _set_environment(_LIBRARIES)
+                before = {name: os.environ[name] for name in _LIBRARIES if name in os.environ}
+                self.undo.callback(os.environ.update, before)
+                for name in _LIBRARIES.keys() - before:
+                    self.undo.callback(os.environ.pop, name, None)
+                os.environ.update(_LIBRARIES)
                 self.controller = None
             if self.controller is None:
                 # Libraries that are loaded later read the environment.
@@ -100,14 +102,6 @@ class _Limits:
             self.inside -= 1
             if not self.inside:
                 self.undo.close()
-
-
-def _set_environment(values: Mapping[str, str | None]) -> None:
-    for name, value in values.items():
-        if value is None:
-            os.environ.pop(name, None)
-        else:
-            os.environ[name] = value
 
 
 def _in_a_thread(call: Callable[[], Any]) -> Any:
@@ -170,11 +164,9 @@ def mark_text(limit: TimeLimit | None) -> str | None:
 
 @contextmanager
 def _killed(limit: TimeLimit, mark: Path) -> Iterator[None]:
-    try:
+    with writing(mark.parents[1]):
         mark.parent.mkdir(parents=True, exist_ok=True)
         file = mark.open("w")
-    except OSError as error:
-        raise unwritable(mark.parents[1], error) from error
     with file:
         faulthandler.dump_traceback_later(limit.seconds, exit=True, file=file)
         try:

@@ -282,7 +282,6 @@ def _add(name: str, value: Any, names: dict[str, Any], sources: dict[str, str]) 
 
 def _global_names(table: symtable.SymbolTable) -> set[str]:
     """The names that a module's source takes from outside of its functions."""
-    own = {
-        s.get_name() for s in table.get_symbols() if table.get_type() == "module" or s.is_global()
-    }
+    whole = table.get_type() == "module"
+    own = {symbol.get_name() for symbol in table.get_symbols() if whole or symbol.is_global()}
     return own.union(*map(_global_names, table.get_children()))

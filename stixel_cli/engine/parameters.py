@@ -20,18 +20,12 @@ _AGES = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
 
 
 def parse_size(text: str) -> int:
-    """Bytes of `500MB`, `10 GB`, `1.5TiB`, `4096`.
-
-    ValueError if it is not a valid size; one line.
-    """
+    """Bytes of `500MB`, `10 GB`, `1.5TiB`, `4096`; ValueError, in one line, of another text."""
     return int(_parsed(text, _SIZES, "size: write 500MB, 10GB, 1.5TB"))
 
 
 def parse_age(text: str) -> float:
-    """Seconds of `90s`, `10min`, `12h`, `30d`, `4w`.
-
-    ValueError if it is not a valid age; one line.
-    """
+    """Seconds of `90s`, `10min`, `12h`, `30d`, `4w`; ValueError, in one line, of another text."""
     return _parsed(text, _AGES, "age: write 10min, 12h, 30d, 4w")
 
 

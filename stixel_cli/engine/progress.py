@@ -226,7 +226,5 @@ def crash_note(labels: Sequence[str], retry: bool) -> str:
         label if count == 1 else f"{label} ({count} nodes)"
         for label, count in Counter(labels).items()
     )
-    if not retry:
-        return f"a worker crashed while running {names}"
-    again = "it" if len(labels) == 1 else "them one at a time"
-    return f"a worker crashed while running {names}; retrying {again}"
+    again = "; retrying it" if len(labels) == 1 else "; retrying them one at a time"
+    return f"a worker crashed while running {names}{again if retry else ''}"

@@ -10,14 +10,14 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from stixel_cli.border import unpickled
 from stixel_cli.engine import cache_folder
-from stixel_cli.engine.errors import CacheError, MissingEntry
+from stixel_cli.engine.errors import CacheError, MissingEntry, writing
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
 from stixel_cli.engine.source_files import content_digest
 from stixel_cli.errors import UserError
@@ -94,11 +94,10 @@ class Store:
 
     def verify(self, key: str) -> bool:
         """Whether an undamaged entry exists. A damaged one is removed."""
-        try:
+        with suppress(MissingEntry):
             self.checked(key)
-        except MissingEntry:
-            return False
-        return True
+            return True
+        return False
 
     def save(self, key: str, value: Any, **notes: Any) -> int:
         """Store a value with notes (JSON); return the size of the value in bytes.
@@ -108,7 +107,9 @@ class Store:
         import joblib
 
         partial = self.folder / "tmp" / f"{key[:16]}-{cache_folder.new_name()}"
-        try:
+        with writing(self.folder), ExitStack() as end:
+            # It is in its place by then, or of no use.
+            end.callback(shutil.rmtree, partial, ignore_errors=True)
             cache_folder.make_folder(self.folder, "tmp")
             partial.mkdir()
             joblib.dump(value, partial / VALUE)
@@ -117,11 +118,6 @@ class Store:
             meta = {**notes, "key": key, "size": size, "digest": digest}
             (partial / META).write_bytes(_notes_content(meta))
             self._put_in_place(partial, self.entry(key))
-        except OSError as error:
-            raise cache_folder.unwritable(self.folder, error) from error
-        finally:
-            # It is in its place by now, or of no use.
-            shutil.rmtree(partial, ignore_errors=True)
         return size
 
     @contextmanager
@@ -130,12 +126,10 @@ class Store:
 
         CacheError if the folder cannot be written.
         """
-        try:
+        with writing(self.folder):
             path = cache_folder.make_folder(self.folder, "locks") / f"{key}.lock"
             lock = cache_folder.file_lock(path)
             lock.acquire()
-        except OSError as error:
-            raise cache_folder.unwritable(self.folder, error) from error
         try:
             yield
         finally:
@@ -147,7 +141,7 @@ class Store:
 
     def check_writable(self) -> None:
         """Raise CacheError if entries cannot be written or locked."""
-        try:
+        with writing(self.folder):
             name = f"probe-{cache_folder.new_name()}"
             probe = cache_folder.make_folder(self.folder, "tmp") / name
             probe.touch()
@@ -156,8 +150,6 @@ class Store:
                     pass
             finally:
                 probe.unlink()
-        except OSError as error:
-            raise cache_folder.unwritable(self.folder, error) from error
 
     def remove(self, key: str) -> bool:
         """Remove an entry; False if it cannot be removed.

@@ -20,7 +20,7 @@ the frame of the velodyne. Both frames have x ahead, y to the left, z up.
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -263,23 +263,20 @@ def read_poses(file: Path) -> np.ndarray:
 
 def checked_poses(file: Path, poses: list[tuple[int, np.ndarray]]) -> np.ndarray:
     """Poses (n, 3, 4), each given with its row in a file; errors as in `read_poses`."""
-    before = None
-    for row, pose in poses:
+    if not poses:
+        raise UserError(f"{file}: has no poses")
+    for (_, before), (row, pose) in pairwise([poses[0], *poses]):
         turn = pose[:, :3]
         if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0.0:
             raise UserError(f"{file}: row {row}: not a rigid pose: its 3 × 3 part is no rotation")
-        if before is not None:
-            step = np.linalg.norm(pose[:, 3] - before[:, 3])
-            cosine = 0.5 * (np.trace(before[:, :3].T @ turn) - 1.0)
-            angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-            if step > GREATEST_STEP or angle > GREATEST_TURN:
-                raise UserError(
-                    f"{file}: row {row}: out of order: {step:.1f} m and {angle:.0f} degrees from "
-                    f"the row before, at most {GREATEST_STEP:g} m and {GREATEST_TURN:g} degrees"
-                )
-        before = pose
-    if not poses:
-        raise UserError(f"{file}: has no poses")
+        step = np.linalg.norm(pose[:, 3] - before[:, 3])
+        cosine = 0.5 * (np.trace(before[:, :3].T @ turn) - 1.0)
+        angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        if step > GREATEST_STEP or angle > GREATEST_TURN:
+            raise UserError(
+                f"{file}: row {row}: out of order: {step:.1f} m and {angle:.0f} degrees from "
+                f"the row before, at most {GREATEST_STEP:g} m and {GREATEST_TURN:g} degrees"
+            )
     return np.stack([pose for _, pose in poses])
 
 

@@ -12,7 +12,6 @@ problems*. The considered errors are not corrected; each is forgotten in its own
 """
 
 from copy import copy
-from functools import cache
 
 import numpy as np
 from numba import njit
@@ -43,15 +42,8 @@ class JointCovariance:
         self.size = len(covariance)
         self.matrix = np.eye(self.size + len(memories) - fading)
         self.matrix[: self.size, : self.size] = covariance
-        lasting, initial = np.ones(len(self.matrix) - len(memories)), self.matrix.copy()
-
-        @cache
-        def fading(interval: float) -> tuple[np.ndarray, np.ndarray]:
-            kept = np.concatenate([lasting, np.exp(-interval / memories)])
-            kept = kept[:, None] * kept
-            return kept, (1.0 - kept) * initial
-
-        self._fading = fading
+        lasting = np.full(len(self.matrix) - len(memories), np.inf)
+        self._memories, self._initial = np.append(lasting, memories), self.matrix.copy()
 
     def copy(self) -> "JointCovariance":
         """Another one, which changes alone."""
@@ -68,8 +60,9 @@ class JointCovariance:
         self.matrix[states] = transition @ self.matrix[before]
         self.matrix[:, states] = self.matrix[:, before] @ transition.T
         self.matrix[states, states] += noise
-        kept, renewed = self._fading(interval)
-        self.matrix = kept * self.matrix + renewed
+        kept = np.exp(-interval / self._memories)
+        kept = kept[:, None] * kept
+        self.matrix = kept * self.matrix + (1.0 - kept) * self._initial
 
     def correct(self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """After an update by `gain` K (d, n) with `rows` A (n, d + m); the `noise` (d, n) is K R.

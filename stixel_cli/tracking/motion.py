@@ -14,9 +14,6 @@ from stixel_cli.geometry.pose import wrap_angle
 if TYPE_CHECKING:
     from stixel_cli.tracking.kernel import ContourProcess
 
-POSE, RATES = np.arange(3), np.arange(3, 6)
-"""Indices of the pose and its rates in the state."""
-
 MOVING = np.array([0, 1, 3, 4])
 """Indices of x, y and their rates in a track's first six states."""
 
@@ -45,19 +42,14 @@ def intervals(times: np.ndarray) -> np.ndarray:
 
 def transition(interval: float) -> np.ndarray:
     """F̄ = [[1, T], [0, 1]] ⊗ I₃, shape (6, 6)."""
-    matrix = np.eye(6)
-    matrix[POSE, RATES] = interval
-    return matrix
+    return np.eye(6) + interval * np.eye(6, k=3)
 
 
 def process_noise(interval: float, sigma_q: float, sigma_q_psi: float) -> np.ndarray:
     """Q̄ = [[T³/3, T²/2], [T²/2, T]] ⊗ diag(sigma_q², sigma_q², sigma_q_psi²), shape (6, 6)."""
-    noise = np.zeros((6, 6))
+    cross = interval**2 / 2.0
     densities = np.array([sigma_q, sigma_q, sigma_q_psi]) ** 2
-    noise[POSE, POSE] = interval**3 / 3.0 * densities
-    noise[POSE, RATES] = noise[RATES, POSE] = interval**2 / 2.0 * densities
-    noise[RATES, RATES] = interval * densities
-    return noise
+    return np.kron([[interval**3 / 3.0, cross], [cross, interval]], np.diag(densities))
 
 
 def velocity_across(mean: np.ndarray) -> tuple[float, np.ndarray]:

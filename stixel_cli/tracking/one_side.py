@@ -6,11 +6,13 @@ neighbours. A small contour can fit such points with its far side, or grow into 
 """
 
 from dataclasses import replace
+from math import cos, hypot, inf, sin
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numba import njit
 
-from stixel_cli.geometry.kernel import first_hits
+from stixel_cli.geometry.kernel import first_hits, returning
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
@@ -33,11 +35,17 @@ from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Scan
-from stixel_cli.tracking.one_side_kernels import apart, fitting
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 
 if TYPE_CHECKING:
     from stixel_cli.tracking.gp_ekf import GpEkfParameters
+
+REACH, REACH_BESIDE = 0.5, 0.3
+"""A point this near the contour, m, is the target's: of the segment of neighbouring rays on which
+the contour was placed, and of other segments. Inside the contour it may be twice as far."""
+
+PLACING_STD, TAIL = 0.1, 0.3
+"""Of a point, m, to place the contour on a segment: standard deviation, scale of its heavy tail."""
 
 END_STD = 0.2
 """Of the places of the first and the last point at the ends of the outline, m."""
@@ -87,10 +95,8 @@ class OneSide:
         sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
         self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
         self._sight = sight = sight_of(prior.road_user, tracker)
-        self._tables, self.std_factor = (
-            (sight.table, outline_table(shape.outline)),
-            sight.std_factor,
-        )
+        self._tables = sight.table, outline_table(shape.outline)
+        self.std_factor = sight.std_factor
         if scans.heights is not None and sight.height_insets is not None:
             self.shared_errors += FACES
 
@@ -129,9 +135,18 @@ class OneSide:
         all of its points elsewhere, a neighbour has not.
         """
         candidates = candidates[~rays.others[candidates]]
+        if not len(candidates):
+            return candidates
         labels = segments(rays)[candidates]
         model = linearise(rays.points_world[candidates], mean, self._process)
-        return candidates[fitting(labels, model.pose_matrix, model.residuals, covariance)]
+        weights = 1.0 / (1.0 + (model.residuals / TAIL) ** 2)
+        main = labels == np.bincount(labels, weights).argmax()
+        found = placed(model.pose_matrix[main], model.residuals[main], covariance)
+        step, posterior = found[0], found[1:]
+        residuals = model.residuals - model.pose_matrix @ step
+        variances = ((model.pose_matrix @ posterior) * model.pose_matrix).sum(axis=1)
+        reach = np.where(main, REACH + np.sqrt(np.maximum(variances, 0.0)), REACH_BESIDE)
+        return candidates[(residuals < reach) & (residuals > -2.0 * reach)]
 
     def linearised(self, rays: Rays, mean: np.ndarray, position: np.ndarray) -> Linearisation:
         """The model of the points of `rays`, at the places where they most likely were.
@@ -159,9 +174,9 @@ class OneSide:
         """The `mean` (6 + N,), moved across the rays so that its ends are those of the points.
 
         With the gain (6 + N,), the derivative (6 + N,) of the mean of the ends by the states, and
-        its variance, m². Ranges hardly measure the place across the
-        rays, and the slope of a narrow target's radius holds for a few degrees only. An end at the
-        border of the field of view, or beside a nearer object, is not used; None: neither is.
+        its variance, m². Ranges hardly measure the place across the rays, and the slope of a narrow
+        target's radius holds for a few degrees only. An end at the border of the field of view, or
+        beside a nearer object, is not used; None: neither is.
         """
         ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
         seen = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
@@ -174,6 +189,71 @@ class OneSide:
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + END_STD**2)
         return mean + gain * offset, gain, row, END_STD**2
+
+
+@returning(lambda *_: (np.zeros((4, 3)), np.empty((2, 3))))
+@njit(cache=True)
+def placed(found, work, slopes, residuals, covariance):
+    """How far a robust fit of `residuals` (n,) m moves a pose, and its covariance: (1 + 3, 3).
+
+    `slopes` (n, 3) are the derivatives by the pose, `covariance` (3 or more, …) is that before. The
+    fit is made twice, with the noise of a Cauchy distribution at the last residuals.
+    """
+    step, posterior, mean, spread = found[0], found[1:], work[0], work[1]
+    for _ in range(2):
+        posterior[:], mean[:] = covariance[:3, :3], 0.0
+        for i in range(len(residuals)):
+            left, innovation, variance = residuals[i], residuals[i], 0.0
+            for j in range(3):
+                left -= slopes[i, j] * step[j]
+                innovation -= slopes[i, j] * mean[j]
+                spread[j] = 0.0
+                for k in range(3):
+                    spread[j] += posterior[j, k] * slopes[i, k]
+                variance += slopes[i, j] * spread[j]
+            variance += PLACING_STD**2 * (1.0 + (left / TAIL) ** 2)
+            for j in range(3):
+                mean[j] += spread[j] / variance * innovation
+                for k in range(3):
+                    posterior[j, k] -= spread[j] / variance * spread[k]
+        step[:] = mean
+
+
+@njit(cache=True, error_model="numpy")
+def apart(row, mean, basis_directions, sensor, directions, ends, seen):
+    """How far the contour's ends are right of the `ends` (2,) of the rays `directions` (n, 2), m.
+
+    Mean of those that are `seen` (2,), across the rays' mean direction. Adds its derivative by the
+    state `mean` (6 + N,) to the `row` (6 + N,).
+    """
+    x, y, far = 0.0, 0.0, 0.0
+    for i in range(len(directions)):
+        x, y = x + directions[i, 0], y + directions[i, 1]
+    x, y = x / hypot(x, y), y / hypot(x, y)
+    cosine, sine, share = cos(mean[2]), sin(mean[2]), 1.0 / (seen[0] + seen[1])
+    for e in range(2):
+        if not seen[e]:
+            continue
+        farthest, corner, depth = -inf, 0, 0.0
+        for c in range(len(basis_directions)):
+            u, v = basis_directions[c]
+            radius = max(mean[6 + c], 0.0)
+            dx = mean[0] - sensor[0] + radius * (cosine * u - sine * v)
+            dy = mean[1] - sensor[1] + radius * (sine * u + cosine * v)
+            place = (x * dy - y * dx) / (x * dx + y * dy) * (2 * e - 1)
+            if place > farthest:
+                farthest, corner, depth = place, c, x * dx + y * dy
+        place, u, v = farthest * (2 * e - 1), directions[ends[e], 0], directions[ends[e], 1]
+        far += share * ((x * v - y * u) / (x * u + y * v) - place) * depth
+        # What moves an end by 1 m: across its ray, which is not quite across the others.
+        across_x, across_y = share * (-y - place * x), share * (x - place * y)
+        u, v = basis_directions[corner]
+        u, v = cosine * u - sine * v, sine * u + cosine * v
+        row[0] += across_x
+        row[1] += across_y
+        row[2] += max(mean[6 + corner], 0.0) * (u * across_y - v * across_x)
+        row[6 + corner] += u * across_x + v * across_y
+    return far
 
 
 def size_slopes(outline: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from short_runs import short_python
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
-from stixel_cli.engine.errors import unwritable
+from stixel_cli.engine.errors import writing
 from stixel_cli.engine.store import Store
 from stixel_cli.experiment import run
 from stixel_cli.experiment.run_names import LONGEST_NAME, differences, joined_name
@@ -233,7 +233,8 @@ def refusing(monkeypatch, tmp_path):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
 
     def refuse(self):
-        raise unwritable(self.folder, OSError(errno.EROFS, "Read-only file system"))
+        with writing(self.folder):
+            raise OSError(errno.EROFS, "Read-only file system")
 
     return lambda: monkeypatch.setattr(Store, "check_writable", refuse)
 

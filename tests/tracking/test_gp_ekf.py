@@ -42,8 +42,8 @@ def dense_model(points, mean, process):
     matrix = np.zeros((len(points), 2, len(mean)))
     rows, variances = model.rows
     matrix += p[:, :, None] * rows[:, None, :]
-    bent = model.residuals / model.distances
-    matrix[:, :, :2] += bent[:, None, None] * t[:, :, None] * t[:, None, :]
+    slopes = model.residuals / model.distances
+    matrix[:, :, :2] += (slopes[:, None] * t)[:, :, None] * t[:, None, :]
     predicted = points - model.residuals[:, None] * p
     blocks = variances[:, None, None] * p[:, :, None] * p[:, None, :]
     return predicted.ravel(), matrix.reshape(-1, len(mean)), blocks
