@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_000
+TOTAL = 44_920
 """Greatest number of lines in all."""
 
 MODULES = 241
@@ -26,24 +26,24 @@ BUDGET = {
     "cli": 2576,
     "config": 2486,
     "engine": 4084,
-    "evaluation": 1578,
+    "evaluation": 1570,
     "experiment": 1223,
     "export": 695,
     "geometry": 407,
     "live": 617,
-    "machine": 186,
+    "machine": 185,
     "measurements": 1777,
     "pictures": 1381,
-    "recordings": 2591,
-    "rendering": 2168,
+    "recordings": 2593,
+    "rendering": 2154,
     "report": 735,
     "results": 1347,
-    "scene": 3177,
+    "scene": 3140,
     "stereo": 451,
-    "stixels": 2041,
+    "stixels": 2024,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6388,
+    "tracking": 6383,
     "validation": 1219,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

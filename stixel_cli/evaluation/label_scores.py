@@ -113,11 +113,15 @@ def _score(
     at = counted[matched[counted] >= 0]
     rows = [(tracks[matched[k]], k - tracks[matched[k]].first) for k in at]
     means = np.array([track.track.means[row, :3] for track, row in rows]).reshape(-1, 3)
-    iou = np.zeros(0)
+    iou, found_scans = np.zeros(0), np.nan
     if len(at):
         estimated = np.concatenate([_box(track.track, row) for track, row in rows])
         true, _ = contour_errors.boxes(scenario.boxes_world[at], poses[at])
         iou = contour_errors.overlaps(contour_errors.areas(estimated), contour_errors.areas(true))
+        # Since the first scan that has a point of the label.
+        seen = (k for k in labelled if len(contour_errors.points_of_target(scenario, scans, k)))
+        confirmed = tracks[matched[at[0]]].confirmed
+        found_scans = next((max(confirmed - int(k), 0) + 1 for k in seen), np.nan)
     in_order = matched[matched >= 0]
     return LabelScore(
         label=truth.name,
@@ -126,23 +130,12 @@ def _score(
         expected=int(moves and len(counted) >= LEAST_SCANS),
         frames=len(counted),
         tracked_frames=len(at),
-        found_scans=_scans_until_found(truth, scans, tracks[matched[at[0]]]) if len(at) else np.nan,
+        found_scans=found_scans,
         tracks=len(np.unique(in_order)),
         switches=int(np.sum(np.diff(in_order) != 0)),
         iou_box=_mean(iou),
         centre_m=_mean(contour_errors.centre_errors(means, poses[at])),
     )
-
-
-def _scans_until_found(truth: LabelTruth, scans: Scans, found: ObjectTrack) -> float:
-    """Number of scans from the first with a point of the label to that which confirmed its track.
-
-    NaN if no scan has such a point.
-    """
-    for k in np.flatnonzero(truth.scenario.known):
-        if len(contour_errors.points_of_target(truth.scenario, scans, k)):
-            return max(found.confirmed - int(k), 0) + 1
-    return np.nan
 
 
 def _box(track: Track, row: int) -> np.ndarray:

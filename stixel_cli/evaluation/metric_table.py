@@ -256,8 +256,7 @@ def over_runs(name: str) -> str:
 
 def main_first(names: Iterable[str]) -> list[str]:
     """The names, those of `MAIN` first."""
-    names = list(names)
-    return [*(name for name in MAIN if name in names), *(n for n in names if n not in MAIN)]
+    return sorted(names, key=lambda name: (*MAIN, name).index(name))
 
 
 def metric(name: str) -> Metric:

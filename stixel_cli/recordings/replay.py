@@ -135,7 +135,8 @@ def replayed_scenario(
     """
     from scipy.integrate import cumulative_trapezoid
 
-    from stixel_cli.scene.contours import moving_target
+    from stixel_cli.scene.contours import road_user_contours
+    from stixel_cli.scene.road_user import limb_poses
 
     times, labels = ego_motion.times, labels_of(files, tables, target, "path.target")
     _, frames, poses = poses_of_labels(ego_motion, labels, np.eye(3), tables)
@@ -143,7 +144,8 @@ def replayed_scenario(
     smooth = np.stack([spline(times) for spline in splines], axis=1)
     rates = np.stack([spline.derivative()(times) for spline in splines], axis=1)
     travelled = cumulative_trapezoid(np.hypot(*rates[:, :2].T), times, initial=0.0)
-    return moving_target(ego_motion, road_user, smooth, rates, travelled)
+    target = smooth, rates, road_user_contours(road_user), limb_poses(road_user, travelled)
+    return Scenario(times, ego_motion.poses_world, *target)
 
 
 def smoothing_spline(times: np.ndarray, values: np.ndarray, period: float) -> "BSpline":

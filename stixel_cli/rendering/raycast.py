@@ -18,12 +18,7 @@ from stixel_cli.rendering import placement, supersampling, tracing
 from stixel_cli.rendering.frames import SKY_ID, TARGET_ID, RenderedFrames
 from stixel_cli.rendering.parameters import RaycastParameters
 from stixel_cli.rendering.supersampling import Centres, supersampled
-from stixel_cli.rendering.surfaces import (
-    Surfaces,
-    build_surfaces,
-    srgb_from_linear,
-    with_other_vertices,
-)
+from stixel_cli.rendering.surfaces import Surfaces, build_surfaces, of_vertices, srgb_from_linear
 from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.scene.mesh import Mesh, bounding_box
 from stixel_cli.scene.open3d_import import import_open3d_bindings
@@ -119,8 +114,9 @@ class Target:
     def surfaces(self, limb_pose: int) -> Surfaces:
         """The surfaces of the mesh with the index `limb_pose`, built at the first call."""
         if limb_pose not in self._surfaces:
-            mesh = self._meshes[limb_pose]
-            self._surfaces[limb_pose] = with_other_vertices(self._surfaces[0], mesh)
+            # The meshes differ in nothing but vertices.
+            changed = of_vertices(self._meshes[limb_pose])
+            self._surfaces[limb_pose] = replace(self._surfaces[0], **changed)
         return self._surfaces[limb_pose]
 
 

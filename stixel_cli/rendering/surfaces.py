@@ -1,7 +1,7 @@
 """Triangles in the form of the ray caster: tables of planes, texture gradients and mip-maps."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -79,31 +79,21 @@ def build_surfaces(objects: Iterable[tuple[int, Mesh]]) -> Surfaces:
 
     ValueError as `build_textures` does.
     """
-    objects = list(objects)
-    texture, ids, images = [], [], {}
-    numbers: dict[int, int] = {}  # of textures, by identity
-    for object_id, mesh in objects:
-        for part in mesh:
-            number = numbers.setdefault(id(part.texture), len(numbers))
-            images[number] = part.texture
-            texture.append(np.full(len(part.triangles), number, dtype=np.int32))
-            ids.append(np.full(len(part.triangles), object_id, dtype=np.uint8))
+    ids, parts = zip(*((number, part) for number, mesh in objects for part in mesh), strict=True)
+    images = {id(part.texture): part.texture for part in parts}
+    numbers = {identity: number for number, identity in enumerate(images)}
+    counts = [len(part.triangles) for part in parts]
+    texture = np.array([numbers[id(part.texture)] for part in parts], dtype=np.int32)
     return Surfaces(
-        **_geometry([mesh for _, mesh in objects]),
-        texture=np.concatenate(texture),
-        object_ids=np.concatenate(ids),
+        **of_vertices(parts),
+        texture=np.repeat(texture, counts),
+        object_ids=np.repeat(np.array(ids, dtype=np.uint8), counts),
         textures=build_textures(images.values()),
     )
 
 
-def with_other_vertices(surfaces: Surfaces, mesh: Mesh) -> Surfaces:
-    """`surfaces` of one mesh with the vertices of `mesh`, which differs from it in nothing else."""
-    return replace(surfaces, **_geometry([mesh]))
-
-
-def _geometry(meshes: list[Mesh]) -> dict[str, Any]:
+def of_vertices(parts: Mesh) -> dict[str, Any]:
     """The attributes of `Surfaces` that depend on vertices."""
-    parts = [part for mesh in meshes for part in mesh]
     vertices, triangles = joined([(part.vertices, part.triangles) for part in parts])
     uvs = np.concatenate([part.uvs for part in parts])
     corners = vertices[triangles]

@@ -28,7 +28,6 @@ class Materials:
     """Textures of houses, trees and posts that both worlds have, for a `seed` and a `contrast`."""
 
     def __init__(self, seed: int, contrast: float):
-        depth = 0.08 + 0.20 * contrast
         self.fronts = [
             facade(f"front {seed} {i}", colour, 2 + i % 2, brick, contrast)
             for i, (colour, brick) in enumerate(WALLS)
@@ -36,7 +35,7 @@ class Materials:
         self.roof = roof_tiles("roof red", (150, 78, 58), contrast)
         self.bark = mottled("bark", (92, 76, 60), 0.10 + 0.3 * contrast, coarsest=3.0)
         self.leaves = leaves("leaves", (86, 112, 52), contrast)
-        self.metal = mottled("post", (106, 112, 112), depth, coarsest=3.0)
+        self.metal = mottled("post", (106, 112, 112), 0.08 + 0.20 * contrast, coarsest=3.0)
         self.glass = mottled("lamp glass", (226, 222, 204), 0.08)
         self.woods = leaves("woods", (74, 96, 56), contrast)
 
@@ -66,7 +65,10 @@ def house(
     triangles = quads_to_triangles(np.arange(len(vertices)))
     walls = Part(np.array(vertices), triangles, np.array(uvs), front, "walls")
     gable = part("roof", [_gable(low, high, height, ridge)], roof, 4.0)
-    return walls, gable, part("chimney", [_chimney(low, high, height)], front, 6.0)
+    sides = np.subtract(high, low)
+    corner = low + 0.3 * sides
+    chimney = box((*corner, height), (*(corner + 0.8), height + 0.40 * np.min(sides)))
+    return walls, gable, part("chimney", [chimney], front, 6.0)
 
 
 def _gable(low, high, height, ridge):
@@ -78,12 +80,6 @@ def _gable(low, high, height, ridge):
     else:
         ends = [[(x0, y, height), (0.5 * (x0 + x1), y, top), (x1, y, height)] for y in (y0, y1)]
     return loft(np.array(ends))
-
-
-def _chimney(low, high, height):
-    sides = np.subtract(high, low)
-    corner = low + 0.3 * sides
-    return box((*corner, height), (*(corner + 0.8), height + 0.40 * np.min(sides)))
 
 
 def tower(

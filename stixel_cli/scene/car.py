@@ -124,20 +124,13 @@ def mesh(contrast: float, shape: CarShape = STANDARD, colour: Colour = (66, 108,
                                shapes.box((-2.262, -0.26, 0.64), (-2.225, 0.26, 0.75))],
                     mottled("plate", (228, 228, 220), 0.10), 0.3),
     )  # fmt: skip
-    return _stretched(parts, shape)
-
-
-def _stretched(mesh: Mesh, shape: CarShape) -> Mesh:
-    """`mesh` at the length and width of `shape`: wheels move along, and stay round."""
-    stretch = np.array([shape.stretch, shape.width / STANDARD.width, 1.0])
-    parts = []
-    for one in scaled(mesh, stretch):
+    stretched = scaled(parts, np.array([shape.stretch, shape.width / STANDARD.width, 1.0]))
+    for one, own in zip(stretched, parts, strict=True):
+        # Wheels move along, and stay round.
         if one.name in ("tyres", "rims"):
-            x = next(own for own in mesh if own.name == one.name).vertices[:, 0]
-            hub = np.where(x > 0.0, *WHEEL_X)
-            one.vertices[:, 0] = x + (shape.stretch - 1.0) * hub
-        parts.append(one)
-    return tuple(parts)
+            x = own.vertices[:, 0]
+            one.vertices[:, 0] = x + (shape.stretch - 1.0) * np.where(x > 0.0, *WHEEL_X)
+    return stretched
 
 
 def _top(x, shape):

@@ -1,4 +1,4 @@
-"""The target's true contours, and the ground truth of a target along any motion.
+"""The target's true contours.
 
 A contour is the outline of the mesh's ground projection, without a convex hull. It follows the
 limbs: each of their poses has its own.
@@ -11,8 +11,7 @@ import shapely
 
 from stixel_cli.scene.mesh import Part, corners
 from stixel_cli.scene.parameters import RoadUser
-from stixel_cli.scene.road_user import limb_poses, moving_parts, road_user_meshes
-from stixel_cli.scene.scenario import EgoMotion, Scenario
+from stixel_cli.scene.road_user import moving_parts, road_user_meshes
 
 SIMPLIFIED_BY = 1e-3
 """The contour may differ from the outline by this much, m."""
@@ -74,28 +73,6 @@ def _doubled_areas(flat: np.ndarray) -> np.ndarray:
 def _without_holes(shape: shapely.Geometry) -> shapely.Geometry:
     pieces = [shapely.Polygon(piece.exterior) for piece in shapely.get_parts(shape)]
     return shapely.union_all([piece for piece in pieces if piece.area > 0.0])
-
-
-def moving_target(
-    ego_motion: EgoMotion,
-    road_user: RoadUser,
-    poses_world: np.ndarray,
-    rates_world: np.ndarray,
-    travelled: np.ndarray,
-) -> Scenario:
-    """Ground truth of `road_user` at the ego motion's K times.
-
-    It has the poses (K, 3) x m, y m, heading rad, whose derivatives are the rates (K, 3), and has
-    `travelled` (K,) m, which moves the limbs. ValueError if the mesh cannot be read.
-    """
-    return Scenario(
-        times=ego_motion.times,
-        ego_poses_world=ego_motion.poses_world,
-        target_poses_world=poses_world,
-        target_rates_world=rates_world,
-        contours_target=road_user_contours(road_user),
-        limb_poses=limb_poses(road_user, travelled),
-    )
 
 
 def road_user_contours(road_user: RoadUser) -> np.ndarray:

@@ -5,7 +5,7 @@ import importlib.util
 import os
 import sys
 from contextlib import suppress
-from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from threading import Lock
 from types import ModuleType
@@ -34,21 +34,17 @@ def import_open3d_bindings() -> ModuleType:
     layout than expected, or is imported already, this is the whole of Open3D. The functions are
     the same ones, and a later `import open3d` adds the rest to them.
     """
-    file = _bindings_file()
-    if file is None or "open3d" in sys.modules:
+    spec = None if "open3d" in sys.modules else _bindings()
+    if spec is None:
         return import_open3d()
-    # The name that Open3D itself gives it, for a later `import open3d`: the compiled part can be
-    # initialised only once.
-    name = "open3d.cpu.pybind" if file.parent.name == "cpu" else "open3d.pybind"
     with _lock:
-        if name not in sys.modules:
+        if spec.name not in sys.modules:
             _prepare()
-            spec = importlib.util.spec_from_file_location(name, file)
             with suppress(ImportError):
                 bindings = importlib.util.module_from_spec(spec)
                 spec.loader.exec_module(bindings)
-                sys.modules[name] = bindings
-    return sys.modules.get(name) or import_open3d()
+                sys.modules[spec.name] = bindings
+    return sys.modules.get(spec.name) or import_open3d()
 
 
 def _prepare() -> None:
@@ -60,14 +56,15 @@ def _prepare() -> None:
         ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
 
 
-def _bindings_file() -> Path | None:
-    """The compiled part's file; None if Open3D is not installed, or as its CUDA version."""
-    spec = importlib.util.find_spec("open3d")
-    if spec is None or spec.origin is None:
-        return None
-    package = Path(spec.origin).parent
-    # Open3D 0.19 has it in the folder `cpu`, 0.20 next to its `__init__`.
-    folders = package / "cpu", package
-    found = [folder / f"pybind{suffix}" for folder in folders for suffix in EXTENSION_SUFFIXES]
+def _bindings() -> ModuleSpec | None:
+    """The compiled part; None if Open3D is not installed, or as its CUDA version."""
+    package = importlib.util.find_spec("open3d")
+    folder = None if package is None or package.origin is None else Path(package.origin).parent
     # The CUDA version chooses between two compiled parts, and only one may be loaded.
-    return None if (package / "cuda").exists() else next((f for f in found if f.is_file()), None)
+    if folder is None or (folder / "cuda").exists():
+        return None
+    # Open3D 0.19 has it in the folder `cpu`, 0.20 next to its `__init__`. The name is the one that
+    # Open3D itself gives it, for a later `import open3d`: it can be initialised only once.
+    places = {"open3d.cpu.pybind": folder / "cpu", "open3d.pybind": folder}
+    found = (PathFinder.find_spec(name, [str(place)]) for name, place in places.items())
+    return next(filter(None, found), None)

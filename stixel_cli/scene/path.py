@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.scene.contours import moving_target
+from stixel_cli.scene.contours import road_user_contours
 from stixel_cli.scene.parameters import Arc, Line, Path, RoadUser, SCurve, StopAndGo, Waypoints
+from stixel_cli.scene.road_user import limb_poses
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 if TYPE_CHECKING:  # see `waypoint_spline`
@@ -26,7 +27,9 @@ def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Sc
     """
     poses, rates = path_poses(path, ego_motion.times)
     travelled, _ = driven(path, ego_motion.times)
-    return moving_target(ego_motion, road_user, poses, rates, travelled)
+    ego = ego_motion.times, ego_motion.poses_world
+    target = poses, rates, road_user_contours(road_user), limb_poses(road_user, travelled)
+    return Scenario(*ego, *target)
 
 
 def path_poses(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -90,7 +93,14 @@ def _s_curve(path: SCurve, length):
         heading = mean + swing * np.sin(rate * s)
         return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
 
-    positions = np.array(path.start) + _integral(direction, length, path.wavelength / 8.0)
+    # Exact to rounding: panels of an eighth of a wavelength, and the rest of the last one.
+    panel = path.wavelength / 8.0
+    count = max(1, int(np.ceil(np.max(length, initial=0.0) / panel)))
+    ends = panel * np.arange(count + 1)
+    whole = np.cumsum(_integrals(direction, ends[:-1], ends[1:]), axis=0)
+    last = np.clip((length / panel).astype(int), 0, count - 1)
+    moved = np.concatenate([np.zeros((1, 2)), whole])[last]
+    positions = np.array(path.start) + (moved + _integrals(direction, ends[last], length))
     poses = np.column_stack([positions, mean + swing * np.sin(rate * length)])
     return poses, swing * rate * np.cos(rate * length)
 
@@ -142,16 +152,6 @@ def _spline_parameter(spline: "CubicSpline", length: np.ndarray):
         error = driven[panel] + _integrals(pace, low, parameter) - inside
         parameter = np.clip(parameter - error / pace(parameter), low, high)
     return parameter, past
-
-
-def _integral(function: Callable, ends: np.ndarray, longest_panel: float) -> np.ndarray:
-    """Integral of `function` (n,) → (n, 2) from 0 to each of `ends` (K,), to rounding."""
-    count = max(1, int(np.ceil(np.max(ends, initial=0.0) / longest_panel)))
-    panels = longest_panel * np.arange(count + 1)
-    inside = np.cumsum(_integrals(function, panels[:-1], panels[1:]), axis=0)
-    whole = np.concatenate([np.zeros((1, 2)), inside])
-    panel = np.clip((ends / longest_panel).astype(int), 0, count - 1)
-    return whole[panel] + _integrals(function, panels[panel], ends)
 
 
 def _integrals(function: Callable, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

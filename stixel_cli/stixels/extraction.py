@@ -6,16 +6,13 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.grouping import Grouping, Layer, group_columns
+from stixel_cli.stixels.grouping import BINS_PER_PIXEL, Grouping, Layer, group_columns
 from stixel_cli.stixels.height import Frame, depth_windows, top_rows
 from stixel_cli.stixels.layers import layers_behind
 from stixel_cli.stixels.parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.refinement import aligned
 from stixel_cli.stixels.road import base_rows, pitch_and_height
 from stixel_cli.stixels.types import SAME_OBJECT, FreeSpace, Stixels
-
-BINS_PER_PIXEL = 8
-"""Resolution of the stixels' histograms of disparities."""
 
 UNEVEN_REACH = 8
 """The unevenness of a surface is a mean over so many stixels on either side."""
@@ -59,7 +56,6 @@ def stixels_of_frame(
     rig, columns = frame.rig, frame.columns
     grouping = Grouping(
         extraction.width,
-        BINS_PER_PIXEL,
         smoothing_kernel(extraction.smoothing),
         extraction.least_pixels,
         # A height h has f_v h / z = (f_v / f) h d / B rows.
@@ -87,7 +83,7 @@ def stixels_of_frame(
             refined = aligned(*images, columns, areas, given, frame.scale, errors)
             values[:, 0] += extraction.refinement * (refined - given)
         areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
-        fields = group_fields(areas, values, frame.line, rig, extraction)
+        fields = group_fields(areas, values, frame, extraction)
         if found:
             # Its foot is hidden.
             fields["base"] = np.minimum(fields["base"], areas[:, 3]).astype(np.int32)
@@ -117,17 +113,14 @@ def smoothing_kernel(std: float) -> np.ndarray:
 
 
 def group_fields(
-    areas: np.ndarray,
-    measured: np.ndarray,
-    line: np.ndarray,
-    rig: Rig,
-    extraction: ExtractionParameters,
+    areas: np.ndarray, measured: np.ndarray, frame: Frame, extraction: ExtractionParameters
 ) -> dict[str, np.ndarray]:
     """Fields of `Stixels` from column ranges, tops and disparities.
 
     `areas` (S, 4) are left, right (exclusive), top and base row; `measured` (S, 2)
     pitch-compensated disparity px and mean row of the pixels.
     """
+    line, rig = frame.line, frame.rig
     left, right, top = areas[:, 0], areas[:, 1], areas[:, 2].astype(np.float64)
     disparity, mean_row = measured[:, 0], measured[:, 1]
     pitch, camera_height = pitch_and_height(line, rig)

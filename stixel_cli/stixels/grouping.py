@@ -9,6 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+BINS_PER_PIXEL = 8
+"""Resolution of the stixels' histograms of disparities."""
+
 LEAST_ROWS = 5
 """A front face has at least this many rows."""
 
@@ -32,8 +35,6 @@ class Grouping(NamedTuple):
 
     stixel_width: int
     """Columns of a group."""
-    bins_per_pixel: int
-    """Of the histogram."""
     kernel: np.ndarray
     """(2 r + 1,) float64 that the histogram is smoothed with."""
     least_pixels: int
@@ -63,7 +64,7 @@ def group_columns(
     groups = (width + grouping.stixel_width - 1) // grouping.stixel_width
     areas = np.empty((groups, 4), dtype=np.int64)
     values = np.empty((groups, 2), dtype=np.float64)
-    histogram = np.zeros(grouping.bins_per_pixel * count + 1, dtype=np.int32)
+    histogram = np.zeros(BINS_PER_PIXEL * count + 1, dtype=np.int32)
     members = np.empty(grouping.stixel_width, dtype=np.int64)
     memory = histogram, members, np.zeros(height, dtype=np.int64), np.zeros(height)
     # With the type of `obstacle`, one kernel finds the median of both.
@@ -81,7 +82,7 @@ def _group_columns(areas, values, memory, columns, scale, layer, top_values, gro
     """
     histogram, members, row_count, row_total = memory
     obstacle, window, tops, head, foot, base_row = layer
-    stixel_width, bins_per_pixel, kernel, least_pixels, front_rows, front_margin = grouping
+    stixel_width, kernel, least_pixels, front_rows, front_margin = grouping
     width, found = len(columns), 0
     for left in range(0, width, stixel_width):
         right = min(left + stixel_width, width)
@@ -91,8 +92,8 @@ def _group_columns(areas, values, memory, columns, scale, layer, top_values, gro
         centre, reach = obstacle[middle], window[middle]
         for starts in (head, tops):
             least, most, first, last, rows = _vote(
-                columns, members, kept, starts, foot, scale, centre, reach, bins_per_pixel,
-                histogram, row_count, row_total,
+                columns, members, kept, starts, foot, scale, centre, reach, histogram,
+                row_count, row_total,
             )  # fmt: skip
             of_row, sum_of_row = row_count[first : last + 1], row_total[first : last + 1]
             pixels = 0
@@ -101,7 +102,7 @@ def _group_columns(areas, values, memory, columns, scale, layer, top_values, gro
             if pixels >= least_pixels:
                 extent = max(LEAST_ROWS, int(front_rows * centre + 0.5))
                 front = front_face(of_row, sum_of_row, kept, extent)
-                start = max(least, int(np.ceil((front - front_margin) * bins_per_pixel)))
+                start = max(least, int(np.ceil((front - front_margin) * BINS_PER_PIXEL)))
                 votes = 0
                 for b in range(start, most + 1):
                     votes += histogram[b]
@@ -112,7 +113,7 @@ def _group_columns(areas, values, memory, columns, scale, layer, top_values, gro
                 areas[found, 0], areas[found, 1] = left, right
                 areas[found, 2] = top_values[_median_column(top_values, members, kept)]
                 areas[found, 3] = base_row[middle]
-                values[found, 0] = (peak + start) / bins_per_pixel
+                values[found, 0] = (peak + start) / BINS_PER_PIXEL
                 values[found, 1] = rows / pixels
                 found += 1
             for b in range(least, most + 1):
@@ -196,9 +197,7 @@ def front_face(count, total, columns, extent):
 
 
 @njit(inline="always")
-def _vote(
-    columns, members, n, starts, foot, scale, centre, reach, bins_per_pixel, histogram, count, total
-):
+def _vote(columns, members, n, starts, foot, scale, centre, reach, histogram, count, total):
     """Add up a stixel's disparities: of the first `n` columns in `members`.
 
     They are added to the empty `histogram` and, row by row, to the empty `count` and `total` (H,).
@@ -215,7 +214,7 @@ def _vote(
                 continue
             disparity = np.float32(raw) * scale[v]
             if abs(disparity - centre) < reach:
-                b = min(int(disparity * bins_per_pixel + np.float32(0.5)), bins - 1)
+                b = min(int(disparity * BINS_PER_PIXEL + np.float32(0.5)), bins - 1)
                 histogram[b] += 1
                 count[v] += 1
                 total[v] += disparity

@@ -74,7 +74,12 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
     depths = rig.depth_from_disparity(disparities)
     # Γ at the cell: the matcher's noise, and the obstacle's own surface, which is not upright.
     std = np.hypot(occupancy.disparity_std, occupancy.relief * disparities / depths)
-    likelihoods = cell_likelihoods(count, lower, upper, std)
+    # Mean of the normal density over the cell, for a pixel in the middle of each bin.
+    centres = np.arange(BINS_PER_PIXEL * count + 1)[:, None] / BINS_PER_PIXEL
+    above, below = (upper - centres) / std, (lower - centres) / std
+    mean = (ndtr(above) - ndtr(below)) / (upper - lower)
+    near = (above > -REACH) & (below < REACH)
+    likelihoods = np.where(near, mean, 0.0).astype(np.float32)
     filled = likelihoods > 0
     ends = likelihoods.shape[1] - np.argmax(filled[:, ::-1], axis=1)
     # The best that a pixel can do: right in the middle of the cell.
@@ -91,20 +96,6 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
         peaks=peaks.astype(np.float32),
         laterals=laterals.astype(np.float32),
     )
-
-
-def cell_likelihoods(
-    count: int, lower: np.ndarray, upper: np.ndarray, std: np.ndarray
-) -> np.ndarray:
-    """Mean (bins, R) float32 of the normal density over cells that reach from `lower` to `upper`.
-
-    Bins are disparities b / `BINS_PER_PIXEL`; `lower`, `upper` and `std` (R,) in px.
-    """
-    centres = np.arange(BINS_PER_PIXEL * count + 1)[:, None] / BINS_PER_PIXEL
-    above, below = (upper - centres) / std, (lower - centres) / std
-    mean = (ndtr(above) - ndtr(below)) / (upper - lower)
-    near = (above > -REACH) & (below < REACH)
-    return np.where(near, mean, 0.0).astype(np.float32)
 
 
 def accumulate(

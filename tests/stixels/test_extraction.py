@@ -198,7 +198,7 @@ def test_histogram_peak_is_the_parabola_through_the_smoothed_maximum():
 
 
 SCALE = np.full(40, 1 / 16, dtype=np.float32)
-GROUPING = Grouping(5, BINS_PER_PIXEL, smoothing_kernel(0.35), 10, front_rows=0.6, front_margin=0.3)
+GROUPING = Grouping(5, smoothing_kernel(0.35), 10, front_rows=0.6, front_margin=0.3)
 
 
 def brute_front(pixels, columns, extent):
