@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from small import sized
 
-from stixel_cli.border import TYPED
+from stixel_cli.border.origins import TYPED
 from stixel_cli.cli.sweep import sweep as sweep_command
 from stixel_cli.config.compose import Composer, compose
 from stixel_cli.config.overrides import read_overrides

@@ -186,8 +186,8 @@ def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **setti
         >>> track(result.scans, "car").to_frame()["width"].iloc[-1].round().item()
         2.0
     """
+    from stixel_cli.border.own_code import loaded
     from stixel_cli.experiment.table import TABLE
-    from stixel_cli.own_code import loaded
     from stixel_cli.tracking.start_scans import start_from_scans
 
     chosen = {"prior": prior, "tracker": tracker, "start": "scans"} | settings

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from package_trees import trees
 
-from stixel_cli.border import TYPED, Origin, admit, forget_told, imported, write_below
+from stixel_cli.border.origins import TYPED, Origin, admit, forget_told, imported, write_below
 from stixel_cli.config.overrides import Override
 from stixel_cli.errors import ConfigurationError, UserError
 
@@ -30,7 +30,7 @@ TYPES = {
     "config/compose.py": "the function `compose`, whose callers are below",
     "studies/file.py": "functions that shipped studies name",
     "studies/run.py": "a sweep equal to that of the study, which was admitted",
-    "own_code.py": "the function of a planned node, which was admitted when composed",
+    "border/own_code.py": "the function of a planned node, which was admitted when composed",
     "engine/loaded_code.py": "the function of a planned node, as above",
     "results/folder.py": "a folder that this user's command made, by a note in the cache",
 }
@@ -96,7 +96,7 @@ def called(node):
 @pytest.fixture(scope="module")
 def nodes():
     """The nodes of the syntax trees of all modules but the border, each with its file."""
-    others = [(file, tree) for file, tree in trees().items() if file != "border.py"]
+    others = [(file, tree) for file, tree in trees().items() if file != "border/origins.py"]
     return [(file, node) for file, tree in others for node in ast.walk(tree)]
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import yaml
 
-from stixel_cli import files
-from stixel_cli.border import write_whole, written
+from stixel_cli.border import files
+from stixel_cli.border.files import read_arrays, read_json, read_text, read_yaml
+from stixel_cli.border.origins import write_whole, written
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_arrays, read_json, read_text, read_yaml
 from stixel_cli.rendering.images import ImageStack, decode_image, encode_png, encode_pnm
 
 

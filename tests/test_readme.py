@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stixel_cli import compose, method, run
-from stixel_cli.border import TYPED
+from stixel_cli.border.origins import TYPED
 from stixel_cli.cli.app import main
 from stixel_cli.config.folders import STUDIES
 from stixel_cli.config.overrides import check_overrides, read_overrides

@@ -12,14 +12,14 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_920
+TOTAL = 44_921
 """Greatest number of lines in all."""
 
 MODULES = 241
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1356,
+    "": 712,
     "answers": 1356,
     "benchmark": 1004,
     "calibration": 559,

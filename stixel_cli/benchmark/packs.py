@@ -17,13 +17,13 @@ from annotated_types import Ge, Le, MaxLen, MinLen
 from pydantic import Field
 
 from stixel_cli.benchmark.sequences import Data, SequenceData, fresh_set, named, sha256, sha256_of
-from stixel_cli.border import write_whole, written
+from stixel_cli.border.files import parse_json, read_arrays, read_json, read_text
+from stixel_cli.border.origins import write_whole, written
 from stixel_cli.config.messages import validated
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.contour_errors import star_convex_upper_bound
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.files import parse_json, read_arrays, read_json, read_text
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.pictures.uncertainty import normalised_chi_square_bounds

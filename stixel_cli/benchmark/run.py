@@ -10,13 +10,13 @@ import numpy as np
 
 from stixel_cli.benchmark.packs import TRACKER
 from stixel_cli.benchmark.sequences import Data, SequenceData, named, npz, planned
-from stixel_cli.border import TYPED, write_whole, written
+from stixel_cli.border.origins import TYPED, write_whole, written
+from stixel_cli.border.own_code import loaded
 from stixel_cli.config.compose import compose
 from stixel_cli.config.overrides import read_overrides
 from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import pipeline_stages
-from stixel_cli.own_code import loaded
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance
 from stixel_cli.tracking.baselines.pyrecest import Name

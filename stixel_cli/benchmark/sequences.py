@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.border import TYPED, write_whole, written
+from stixel_cli.border.files import GREATEST_ARRAYS, read_arrays, read_bytes, read_json, read_yaml
+from stixel_cli.border.origins import TYPED, write_whole, written
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.overrides import read_overrides
@@ -25,7 +26,6 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import MissingData, UserError, located
 from stixel_cli.evaluation.contour_errors import even_points, in_frames, seen_points
-from stixel_cli.files import GREATEST_ARRAYS, read_arrays, read_bytes, read_json, read_yaml
 from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.results.folder import arrays_content, json_text
 from stixel_cli.results.lineage import provenance

@@ -56,7 +56,7 @@ def render(
 def verify(folder: Folder = FOLDER) -> int:
     """Check sequences against their manifest and the published mini set."""
     from stixel_cli.benchmark.sequences import FILES, Data, bench_folder
-    from stixel_cli.files import read_json
+    from stixel_cli.border.files import read_json
 
     file = bench_folder() / "MANIFEST-mini.json"
     data, known = Data(folder), read_json(file)["files"] if file.exists() else {}
@@ -145,7 +145,7 @@ def page(
     from stixel_cli.benchmark.packs import read_rows
     from stixel_cli.benchmark.page import bench_pages, playback_pages
     from stixel_cli.benchmark.sequences import Data, bench_folder, sha256_of
-    from stixel_cli.border import write_below, written
+    from stixel_cli.border.origins import write_below, written
 
     _check_packs(packs or ())
     if rows != ROWS and not rows.is_dir():

@@ -37,7 +37,7 @@ def describe(
       stixel describe iou_mean
       stixel describe --schema schema
     """
-    from stixel_cli.border import write_below, written
+    from stixel_cli.border.origins import write_below, written
     from stixel_cli.config.keys import known_keys
     from stixel_cli.config.messages import unknown_key
     from stixel_cli.evaluation.metric_table import METRICS

@@ -101,7 +101,7 @@ def assess(
       stixel assess --stixels other.stx1
       stixel assess --calibrate DIR source.sequence=0005 --output rig.yaml
     """
-    from stixel_cli.border import write_new
+    from stixel_cli.border.origins import write_new
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment import assess as assessing
@@ -143,7 +143,7 @@ def assess(
 
 def _print_calibration(found: "RigCalibration", output: Path | None, json: bool) -> None:
     """Print the disparity error of a recording's rig; write the rig with it to `output`."""
-    from stixel_cli.border import write_new
+    from stixel_cli.border.origins import write_new
     from stixel_cli.recordings.rig_files import rig_text
 
     if output is not None:
@@ -176,8 +176,8 @@ def tracker(name: options.argument(str, "Name of its module.", "NAME")) -> int:
 
     Example: stixel new tracker box
     """
-    from stixel_cli.border import write_whole, written
-    from stixel_cli.files import read_text
+    from stixel_cli.border.files import read_text
+    from stixel_cli.border.origins import write_whole, written
 
     if not name.isidentifier() or iskeyword(name) or find_spec(name):
         raise UserError(f"NAME: {name!r} must be the name of a new module, such as my_tracker")
@@ -218,7 +218,7 @@ def learn_shape(
       stixel new class van.obj pickup.obj --output vans.json
       stixel new class bike.obj --road-user cyclist --sensor outline --output bike.json
     """
-    from stixel_cli.border import write_whole, written
+    from stixel_cli.border.origins import write_whole, written
     from stixel_cli.experiment.class_shapes import MEASUREMENTS, SEEDS, class_text, learned_class
 
     known = (*MEASUREMENTS, "outline")

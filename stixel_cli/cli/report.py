@@ -57,7 +57,7 @@ def report(
     """
     from stixel_cli.answers.figures import FORMATS, differences
     from stixel_cli.answers.render import TABLES
-    from stixel_cli.border import write_new
+    from stixel_cli.border.origins import write_new
     from stixel_cli.results.folder import PAGE, default_page
     from stixel_cli.sweeps.folder import asked_folders, sweep_page
     from stixel_cli.sweeps.index import update_index
@@ -96,7 +96,7 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
     """Write the page that plays runs of one scene, or a sweep, whose page then links to it."""
     if output is not None and not output.parent.is_dir():
         raise UserError(f"--output: the folder {output.parent} does not exist")
-    from stixel_cli.border import write_new
+    from stixel_cli.border.origins import write_new
     from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.stored import folders_page
     from stixel_cli.results.folder import PAGE, default_page, run_labels

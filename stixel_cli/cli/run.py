@@ -155,7 +155,7 @@ def verify(
     """
     import tempfile
 
-    from stixel_cli.border import written
+    from stixel_cli.border.origins import written
     from stixel_cli.engine.progress import Progress
     from stixel_cli.engine.store import Store, open_store
     from stixel_cli.experiment.stored import verify_run

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.border import TYPED
+from stixel_cli.border.origins import TYPED
 from stixel_cli.cli import options
 from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped, tell
 from stixel_cli.config.folders import PRESETS, of_the_machine

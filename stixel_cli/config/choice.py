@@ -10,6 +10,7 @@ from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
+from stixel_cli.border.files import read_yaml
 from stixel_cli.config import folders, messages
 from stixel_cli.config.folders import INNER, SOURCES
 from stixel_cli.config.keys import chosen_kinds, known_keys
@@ -21,7 +22,6 @@ from stixel_cli.engine.keys import digest
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.engine.versions import installed_version
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError, printable
-from stixel_cli.files import read_yaml
 
 FOLDER = "configurations"
 """In the cache folder, whose cleanup knows it; of 8 kB each."""

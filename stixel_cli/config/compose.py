@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.border import TYPED
+from stixel_cli.border.origins import TYPED
 from stixel_cli.config import folders, messages, own_options
 from stixel_cli.config.choice import Resolved, compose_options, with_values
 from stixel_cli.config.overrides import Override, read_overrides, settings_of_run

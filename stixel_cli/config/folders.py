@@ -13,9 +13,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from stixel_cli.border import Origin, forget_told
+from stixel_cli.border.files import read_yaml, remembered
+from stixel_cli.border.origins import Origin, forget_told
 from stixel_cli.errors import ConfigurationError, UserError, located
-from stixel_cli.files import read_yaml, remembered
 
 EXPERIMENT = "experiment"
 """The group whose options set options and values of other groups; it has no keys of its own."""

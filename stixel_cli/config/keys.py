@@ -13,6 +13,7 @@ from functools import cache
 from itertools import takewhile
 from typing import Any
 
+from stixel_cli.border.files import read_text
 from stixel_cli.config.annotations import (
     alternatives,
     attribute_texts,
@@ -35,7 +36,6 @@ from stixel_cli.config.folders import (
 )
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import value_text
-from stixel_cli.files import read_text
 
 _NO_SCHEMA = {
     EXPERIMENT: "options and values of several groups under one name",

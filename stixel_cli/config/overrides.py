@@ -11,7 +11,7 @@ from decimal import Decimal
 from functools import cache, lru_cache
 from typing import Any
 
-from stixel_cli.border import Origin
+from stixel_cli.border.origins import Origin
 from stixel_cli.config import messages
 from stixel_cli.config.folders import default_option, group_options, outer_options
 from stixel_cli.config.keys import known_keys

@@ -9,7 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
-from stixel_cli.border import Origin, admit
+from stixel_cli.border.origins import Origin, admit
+from stixel_cli.border.own_code import OwnCode, all_values, parameters_type
 from stixel_cli.config import messages
 from stixel_cli.config.annotations import attribute_texts, describe
 from stixel_cli.config.folders import absolute, group_options, installed_functions
@@ -18,7 +19,6 @@ from stixel_cli.engine.cache_folder import CELLS
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.engine.versions import folder_of
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.own_code import OwnCode, all_values, parameters_type
 
 if TYPE_CHECKING:
     from stixel_cli.config.overrides import Override

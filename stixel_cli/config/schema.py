@@ -16,6 +16,7 @@ from typing import Annotated
 from annotated_types import Ge, Le, Len
 from pydantic import Field
 
+from stixel_cli.border.own_code import OwnCode
 from stixel_cli.engine.parameters import CacheParameters, Executor
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters
@@ -24,7 +25,6 @@ from stixel_cli.measurements.lidar import LidarParameters
 from stixel_cli.measurements.own import OwnMeasurement
 from stixel_cli.measurements.parameters import check_dropout
 from stixel_cli.measurements.stixels import StixelsParameters
-from stixel_cli.own_code import OwnCode
 from stixel_cli.parameters import parameters
 from stixel_cli.recordings.parameters import Source
 from stixel_cli.rendering.parameters import FilamentParameters, RaycastParameters

@@ -18,10 +18,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.border import write_whole
+from stixel_cli.border.files import read_bytes
+from stixel_cli.border.origins import write_whole
 from stixel_cli.engine.errors import CacheError, writing
 from stixel_cli.errors import UserError, printable
-from stixel_cli.files import read_bytes
 
 if TYPE_CHECKING:
     from filelock import FileLock

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from stixel_cli.border import connected, unpickled_bytes
+from stixel_cli.border.origins import connected, unpickled_bytes
 from stixel_cli.engine.errors import ExecutorError, WorkerDied
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
 from stixel_cli.engine.pools import Pool, settle

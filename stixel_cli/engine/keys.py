@@ -7,10 +7,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
 
+from stixel_cli.border.files import GREATEST_RECORDING, remembered
 from stixel_cli.engine.code import Code, CodeIndex
 from stixel_cli.engine.source_files import content_digest
 from stixel_cli.engine.versions import python_version
-from stixel_cli.files import GREATEST_RECORDING, remembered
 
 Pattern = Literal["once", "map", "fold", "pick"]
 

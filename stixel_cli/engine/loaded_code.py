@@ -32,7 +32,7 @@ from textwrap import dedent
 from types import CodeType, ModuleType
 from typing import Any
 
-from stixel_cli.border import TYPED, imported, write_whole
+from stixel_cli.border.origins import TYPED, imported, write_whole
 from stixel_cli.engine.cache_folder import CELLS, make_folder
 from stixel_cli.engine.code import Code, CodeIndex, same_files, search_also
 from stixel_cli.engine.errors import CodeChanged

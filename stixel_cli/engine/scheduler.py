@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from stixel_cli.border import unpickled_bytes
+from stixel_cli.border.origins import unpickled_bytes
 from stixel_cli.engine import errors
 from stixel_cli.engine.cache_folder import Lease, new_name
 from stixel_cli.engine.entries import keep_limit

@@ -15,10 +15,10 @@ from functools import cache
 from hashlib import file_digest, sha256
 from pathlib import Path
 
+from stixel_cli.border.files import GREATEST_ARRAYS, opened
 from stixel_cli.engine.cache_folder import store_json, stored_json
 from stixel_cli.engine.errors import InvalidCode
 from stixel_cli.errors import UserError, located
-from stixel_cli.files import GREATEST_ARRAYS, opened
 
 SOURCES = "sources"
 """Folder in the store."""

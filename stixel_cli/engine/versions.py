@@ -14,9 +14,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.border.own_code import check_name
 from stixel_cli.engine.errors import CodeChanged
 from stixel_cli.errors import ConfigurationError, located, printable
-from stixel_cli.own_code import check_name
 
 
 def python_version() -> str:

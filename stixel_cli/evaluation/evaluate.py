@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.border.own_code import loaded
 from stixel_cli.evaluation.contour_errors import (
     BESIDE,
     baseline_overlaps,
@@ -23,7 +24,6 @@ from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_ESTIMATES
 from stixel_cli.evaluation.scores import LOW_OVERLAP, ScanErrors, Scores
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.own_code import loaded
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import OTHER, REPORTED, Track, check_finite
 

@@ -8,6 +8,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stixel_cli.border.files import read_yaml, remembered
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import real_image_parameters, shipped_folder
 from stixel_cli.config.schema import Configuration
@@ -21,7 +22,6 @@ from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.table import OWN, REPLAYED, TABLE
-from stixel_cli.files import read_yaml, remembered
 from stixel_cli.measurements.parameters import Disturbance, undisturbed
 from stixel_cli.scene.mesh_file import referred_files
 

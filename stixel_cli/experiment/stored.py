@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.border import Origin
+from stixel_cli.border.files import read_arrays, read_bytes
+from stixel_cli.border.origins import Origin
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.folders import OF_THE_MACHINE
 from stixel_cli.config.own_options import admit_code, check_parameters, functions_of
@@ -17,7 +18,6 @@ from stixel_cli.engine.store import Store
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.experiment.stages import experiment_graph
-from stixel_cli.files import read_arrays, read_bytes
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results import lineage
 from stixel_cli.results.folder import origin_of

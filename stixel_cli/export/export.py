@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stixel_cli.border import Origin, write_below
+from stixel_cli.border.origins import Origin, write_below
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.overrides import read_overrides
 from stixel_cli.config.texts import override_text

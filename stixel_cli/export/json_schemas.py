@@ -8,11 +8,11 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from stixel_cli.border.files import read_text
 from stixel_cli.config.annotations import classes_in, fields_of
 from stixel_cli.config.folders import EXPERIMENT, PACE, group_options, shipped_folder
 from stixel_cli.config.keys import Key, classes_of, known_keys
 from stixel_cli.config.schema import Configuration
-from stixel_cli.files import read_text
 
 WRITTEN = ("pipeline", "recorded", "sequences", "study", "sweep")
 """Schemas that are written by hand, in `conf/schema`."""

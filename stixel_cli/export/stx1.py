@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stixel_cli.border import write_below
+from stixel_cli.border.origins import write_below
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.parameters import Gates
 from stixel_cli.measurements.scans import Scans

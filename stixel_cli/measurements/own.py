@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.border.own_code import OwnCode, further_arguments, loaded
 from stixel_cli.measurements.parameters import Disturbance
 from stixel_cli.measurements.scans import FieldOfView, Scans
-from stixel_cli.own_code import OwnCode, further_arguments, loaded
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import Scenario
 

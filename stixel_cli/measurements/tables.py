@@ -18,8 +18,8 @@ from typing import Literal
 
 import numpy as np
 
+from stixel_cli.border.files import read_arrays, read_text
 from stixel_cli.errors import UserError, printable
-from stixel_cli.files import read_arrays, read_text
 from stixel_cli.measurements.scans import FARTHEST
 
 MOST_SCANS = 100_000

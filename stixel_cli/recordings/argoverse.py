@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stixel_cli.border.files import read_bytes, remembered
 from stixel_cli.errors import UserError, located, printable
-from stixel_cli.files import read_bytes, remembered
 from stixel_cli.recordings.kitti_tables import GREATEST, MOST_ROWS, seen_box, tracks_of
 from stixel_cli.recordings.times import GREATEST_GAP, poses_at, unit_rotations
 from stixel_cli.recordings.types import Calibration, Recording, Rectification, Tables, Tracks

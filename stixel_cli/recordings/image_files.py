@@ -6,8 +6,8 @@ from typing import BinaryIO
 
 import numpy as np
 
+from stixel_cli.border.files import opened, read_bytes
 from stixel_cli.errors import UserError
-from stixel_cli.files import opened, read_bytes
 from stixel_cli.recordings.types import Rectification
 
 PNG = b"\x89PNG\r\n\x1a\n"

@@ -25,8 +25,8 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.border.files import read_text, read_xml, remembered
 from stixel_cli.errors import UserError, printable
-from stixel_cli.files import read_text, read_xml, remembered
 from stixel_cli.geometry.pose import rectangle
 from stixel_cli.recordings.types import Calibration, Labels, Tables, Tracks
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.border.files import read_text, read_yaml
 from stixel_cli.errors import UserError, located, printable
-from stixel_cli.files import read_text, read_yaml
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings import kitti_tables
 from stixel_cli.recordings.types import ERROR_VALUES, Calibration

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.border.files import GREATEST_RECORDING, opened, read_yaml, remembered
 from stixel_cli.errors import UserError, located, printable
-from stixel_cli.files import GREATEST_RECORDING, opened, read_yaml, remembered
 from stixel_cli.recordings.image_files import GREATEST_IMAGE, check_sides, decoded, size_in
 from stixel_cli.recordings.kitti_tables import rectified_pair
 from stixel_cli.recordings.parameters import Rosbag

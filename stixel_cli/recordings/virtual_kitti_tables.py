@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.border.files import remembered
 from stixel_cli.errors import UserError
-from stixel_cli.files import remembered
 from stixel_cli.recordings import kitti_tables
 from stixel_cli.recordings.types import Calibration, Tracks
 

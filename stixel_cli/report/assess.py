@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
-from stixel_cli.files import read_json
+from stixel_cli.border.files import read_json
 from stixel_cli.pictures import style
 from stixel_cli.report.metrics import NO_VALUE
 from stixel_cli.report.page import page_template, picture_for_page

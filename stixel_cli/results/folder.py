@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.border import TYPED, Origin, write_below, write_whole, written
+from stixel_cli.border.files import read_bytes
+from stixel_cli.border.origins import TYPED, Origin, write_below, write_whole, written
 from stixel_cli.engine.cache_folder import make_folder
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.errors import FolderTaken, UserError
-from stixel_cli.files import read_bytes
 from stixel_cli.results import lineage
 from stixel_cli.results.result import RunResult, json_text, yaml_text
 

@@ -21,6 +21,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import StringConstraints, TypeAdapter
 
+from stixel_cli.border.files import read_json
 from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.keys import digest
@@ -28,7 +29,6 @@ from stixel_cli.engine.store import Store
 from stixel_cli.engine.versions import installed_version
 from stixel_cli.errors import UserError, printable
 from stixel_cli.evaluation.metric_table import NO_VALUE
-from stixel_cli.files import read_json
 from stixel_cli.results.result import RunResult, flat_settings
 from stixel_cli.version import __version__
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import yaml
 
+from stixel_cli.border.files import read_arrays, read_bytes, read_json, read_yaml
 from stixel_cli.errors import UserError, printable_path
 from stixel_cli.evaluation.scores import SERIES, Scores
-from stixel_cli.files import read_arrays, read_bytes, read_json, read_yaml
 
 if TYPE_CHECKING:
     from stixel_cli.engine.graph import Graph

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.border.files import read_arrays
 from stixel_cli.errors import UserError, located
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.files import read_arrays
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotations, world_from_ego, wrap_angle
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth

@@ -20,8 +20,8 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from stixel_cli.border.files import GREATEST_ARRAYS, GREATEST_TEXT, read_bytes, remembered
 from stixel_cli.errors import UserError, located, printable
-from stixel_cli.files import GREATEST_ARRAYS, GREATEST_TEXT, read_bytes, remembered
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.scene.mesh import Mesh, Part, bounding_box, corners, grounded
 from stixel_cli.scene.shapes import cube_uvs

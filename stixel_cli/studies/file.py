@@ -14,13 +14,13 @@ from typing import Annotated, Any, Literal
 from annotated_types import MinLen
 from pydantic import BeforeValidator, StringConstraints
 
-from stixel_cli.border import TYPED, Origin, admit, imported, imported_file
+from stixel_cli.border.files import read_yaml
+from stixel_cli.border.origins import TYPED, Origin, admit, imported, imported_file
 from stixel_cli.config import messages
 from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.config.texts import value_text
 from stixel_cli.errors import ConfigurationError, UserError, printable_path
 from stixel_cli.evaluation.metric_table import MAIN
-from stixel_cli.files import read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.sweeps.design import MOST_ENTRIES, SWEEP_ENTRIES, Design, design_of
 

@@ -7,7 +7,7 @@ from functools import cache
 from hashlib import sha256
 from typing import Any
 
-from stixel_cli.border import TYPED
+from stixel_cli.border.origins import TYPED
 from stixel_cli.config import messages
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options, of_the_machine

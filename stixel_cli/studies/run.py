@@ -16,12 +16,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border import TYPED, Origin, write_below, write_whole, written
+from stixel_cli.border.files import read_yaml
+from stixel_cli.border.origins import TYPED, Origin, write_below, write_whole, written
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.plan import probe
 from stixel_cli.errors import Interrupted, UserError
-from stixel_cli.files import read_yaml
 from stixel_cli.results.lineage import first_difference, origin, provenance
 from stixel_cli.results.result import SWEEP_FILE, yaml_text
 from stixel_cli.studies import report

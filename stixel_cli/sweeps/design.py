@@ -11,7 +11,8 @@ from typing import Annotated, Any
 
 from annotated_types import MinLen
 
-from stixel_cli.border import TYPED, Origin
+from stixel_cli.border.files import read_text, read_yaml
+from stixel_cli.border.origins import TYPED, Origin
 from stixel_cli.config import messages
 from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.folders import shipped_folder
@@ -27,7 +28,6 @@ from stixel_cli.config.overrides import (
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError, located, printable_path
 from stixel_cli.experiment.table import PICTURES
-from stixel_cli.files import read_text, read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.results.result import MISSING, RunResult
 

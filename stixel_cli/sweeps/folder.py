@@ -19,12 +19,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.border import check_below, write_below, written
+from stixel_cli.border.files import read_json, read_yaml
+from stixel_cli.border.origins import check_below, write_below, written
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.config.messages import validated
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, counted, printable, printable_path
-from stixel_cli.files import read_json, read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.results import result as results
 from stixel_cli.results.folder import PAGE, write_whole_folder

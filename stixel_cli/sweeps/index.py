@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from stixel_cli.border import write_whole
+from stixel_cli.border.files import read_text
+from stixel_cli.border.origins import write_whole
 from stixel_cli.config.texts import split_override
 from stixel_cli.engine.cache_folder import file_lock
 from stixel_cli.errors import UserError, counted
 from stixel_cli.evaluation.metric_table import MAIN, metric
 from stixel_cli.evaluation.verdict import verdict, word
 from stixel_cli.experiment.run_names import differences, short_setting, swept_setting
-from stixel_cli.files import read_text
 from stixel_cli.report.metrics import filled_page
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.result import (

@@ -13,7 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border import TYPED, Origin
+from stixel_cli.border.files import read_json
+from stixel_cli.border.origins import TYPED, Origin
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS, of_the_machine
 from stixel_cli.config.overrides import Override, check_overrides, parse, read_overrides
@@ -29,7 +30,6 @@ from stixel_cli.errors import ConfigurationError, Interrupted, UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run_names import joined_name
 from stixel_cli.experiment.stages import compared_rows
-from stixel_cli.files import read_json
 from stixel_cli.results import lineage
 from stixel_cli.results.folder import arrays_content, figure_files, new_folder
 from stixel_cli.results.result import (

@@ -19,7 +19,8 @@ from annotated_types import Ge, Le
 from stixel_cli.answers.figures import differences
 from stixel_cli.answers.render import Cells, cells_of
 from stixel_cli.answers.runs import Answer, Runs
-from stixel_cli.border import TYPED, write_below, written
+from stixel_cli.border.files import read_yaml
+from stixel_cli.border.origins import TYPED, write_below, written
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import EXPERIMENT, group_options, of_the_machine
 from stixel_cli.config.messages import suggestion, validated
@@ -27,7 +28,6 @@ from stixel_cli.config.overrides import Override, check_overrides, parse, refuse
 from stixel_cli.errors import ConfigurationError, UserError, printable
 from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.evaluation.metric_table import METRICS, metric
-from stixel_cli.files import read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.report.metrics import number
 from stixel_cli.report.page import drawing_for_page, page_template

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.border.own_code import further_arguments, loaded
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.own_code import further_arguments, loaded
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track, check_finite
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.border.files import read_bytes
 from stixel_cli.errors import UserError, located
-from stixel_cli.files import read_bytes
 from stixel_cli.measurements.tables import read_table, refuse_rows
 from stixel_cli.recordings.image_files import GREATEST_SIDE, decoded, rgb
 from stixel_cli.rendering.images import eight_bits

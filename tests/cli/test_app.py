@@ -95,7 +95,8 @@ def test_every_command_has_a_help(command, capsys):
             "scipy cv2 numba matplotlib open3d shapely joblib",
         ),
         (
-            "from stixel_cli.border import TYPED; from stixel_cli.config.overrides import *; "
+            "from stixel_cli.border.origins import TYPED\n"
+            "from stixel_cli.config.overrides import *\n"
             "check_overrides(read_overrides(['seed=3', 'path=turn'], TYPED))",
             "hydra antlr4",
         ),

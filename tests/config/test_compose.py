@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from stixel_cli.border import TYPED
+from stixel_cli.border.origins import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
 from stixel_cli.config.folders import group_options, option_values, outermost_group, shipped_folder

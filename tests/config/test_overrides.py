@@ -7,7 +7,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 import stixel_cli
-from stixel_cli.border import TYPED
+from stixel_cli.border.origins import TYPED
 from stixel_cli.config import choice, overrides
 from stixel_cli.config.compose import Composer, compose
 from stixel_cli.config.folders import conf_state, group_options, outer_options, outermost_group

@@ -14,6 +14,7 @@ from referencing import Registry
 from referencing.jsonschema import DRAFT202012
 from typer.testing import CliRunner
 
+from stixel_cli.border.files import read_yaml
 from stixel_cli.cli.app import application
 from stixel_cli.config.annotations import describe
 from stixel_cli.config.compose import compose, from_resolved
@@ -23,7 +24,6 @@ from stixel_cli.config.messages import show
 from stixel_cli.config.texts import suggestion
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.export.json_schemas import WRITTEN, schema_files
-from stixel_cli.files import read_yaml
 from stixel_cli.studies import file as study_file
 from stixel_cli.sweeps.design import SWEEP_ENTRIES
 

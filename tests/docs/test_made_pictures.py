@@ -13,7 +13,7 @@ from test_pages import DOCS, load_script
 
 from stixel_cli import compose
 from stixel_cli.answers.runs import Runs
-from stixel_cli.border import TYPED
+from stixel_cli.border.origins import TYPED
 from stixel_cli.config.overrides import check_overrides, read_overrides
 
 MOST_BYTES = 1_800_000

@@ -16,9 +16,9 @@ from refusals import refused
 from run_cli import run_json
 
 from stixel_cli import compose, run
+from stixel_cli.border.own_code import all_values
 from stixel_cli.cli.app import main
 from stixel_cli.engine import loaded_code
-from stixel_cli.own_code import all_values
 from stixel_cli.results import lineage
 
 

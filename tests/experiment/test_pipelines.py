@@ -114,7 +114,7 @@ HIDDEN = re.compile(
 )
 """Ways to code and data that no import statement shows."""
 
-READER = "stixel_cli.files"
+READER = "stixel_cli.border.files"
 """The one reader of files: what calls it is looked at."""
 
 DECLARED = {
@@ -132,8 +132,8 @@ DECLARED = {
     # The class and the outline of the prior: likewise.
     "stixel_cli.tracking.contour.user_shape": "files",
     # The user's own functions: their modules, see `Definition.code`.
-    "stixel_cli.own_code": "code",
-    "stixel_cli.border": "code",
+    "stixel_cli.border.own_code": "code",
+    "stixel_cli.border.origins": "code",
     # The child process runs filament_process, which the module imports; the files are its answers.
     "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
     "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",

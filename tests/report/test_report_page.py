@@ -12,7 +12,7 @@ from PIL import Image
 from result_folders import CONFIG, make_folder
 
 from stixel_cli.answers.figures import line_look
-from stixel_cli.border import write_new
+from stixel_cli.border.origins import write_new
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.evaluation.verdict import verdict

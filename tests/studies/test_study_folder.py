@@ -7,7 +7,7 @@ import pytest
 import study_toy
 import yaml
 
-from stixel_cli.border import TYPED
+from stixel_cli.border.origins import TYPED
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.overrides import parse
 from stixel_cli.errors import ConfigurationError

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from stixel_cli.border.files import read_json, remembered
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_json, remembered
 from stixel_cli.measurements.tables import read_table
 
 MOST_VERTICES = 1000

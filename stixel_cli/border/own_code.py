@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, get_type_hints
 
-from stixel_cli.border import TYPED, imported
+from stixel_cli.border.origins import TYPED, imported
 from stixel_cli.parameters import STRICT, parameters
 
 _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")

@@ -1,0 +1,1 @@
+"""The border: what comes from outside of this process, by name or as a file."""
