@@ -22,8 +22,8 @@ from stixel_cli.recordings.stereo_images import read_pairs
 from stixel_cli.recordings.truth import recorded_motion, recorded_scenario
 from stixel_cli.rendering.raycast import render
 from stixel_cli.rendering.sensor_noise import add_sensor_noise
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.scenario import ego_motion
 from stixel_cli.stereo.matching import match
 from stixel_cli.stixels.extraction import extract_stixels
 from stixel_cli.stixels.free_space import find_free_space

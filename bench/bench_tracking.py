@@ -14,8 +14,8 @@ from stixel_cli.config.compose import compose
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.scenario import ego_motion
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.contour import contour
 from stixel_cli.tracking.gp_ekf import GpEkfParameters, track

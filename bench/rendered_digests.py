@@ -9,8 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 
 from stixel_cli import compose
 from stixel_cli.rendering.raycast import render
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.scenario import ego_motion
 
 SCENES = {
     "car": [],

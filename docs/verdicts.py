@@ -20,8 +20,8 @@ from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.verdict import WORDS, word
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.fabricated import fabricate_scans
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.scenario import ego_motion
 from stixel_cli.tracking.contour import contour
 from stixel_cli.tracking.start import noisy_start
 from stixel_cli.tracking.track import Track

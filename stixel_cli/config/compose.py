@@ -14,8 +14,8 @@ from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.measurements.file import FileParameters
 from stixel_cli.recordings.parameters import CALIBRATIONS
+from stixel_cli.scene.ego import Parked
 from stixel_cli.scene.parameters import ReplayedPath
-from stixel_cli.scene.scenario import Parked
 
 if TYPE_CHECKING:
     from stixel_cli.recordings.types import Recording

@@ -30,8 +30,8 @@ from stixel_cli.recordings.parameters import Source
 from stixel_cli.rendering.parameters import FilamentParameters, RaycastParameters
 from stixel_cli.rendering.sensor_noise import Sensor
 from stixel_cli.results.pictures import PicturesParameters
+from stixel_cli.scene.ego import Ego
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES, Path, RoadUser, World
-from stixel_cli.scene.scenario import Ego
 from stixel_cli.stereo.matching import StereoParameters
 from stixel_cli.stixels import parameters as stixels
 from stixel_cli.tracking.baselines.box import BoxParameters

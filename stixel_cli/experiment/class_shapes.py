@@ -18,9 +18,10 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import located
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.scenario import Scenario, ego_motion
+from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour.class_shape import ClassShape, OutlineModes, VisibleShape
 from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.validation import visible_shape

@@ -75,7 +75,7 @@ MESH = ("road_user.mesh",)
 RECORDED_IMAGES = "recording.calibration.rectification recording.messages"
 
 TABLE: dict[str, Definition] = {
-    "ego_motion": stage("scene.scenario:ego_motion", "ego path.duration path.sample_time"),
+    "ego_motion": stage("scene.ego:ego_motion", "ego path.duration path.sample_time"),
     "scenario": stage("scene.path:build_scenario", "road_user path", files=MESH),
     "render": stage(
         by_kind(Renderer, "render"),

@@ -24,8 +24,9 @@ from stixel_cli.evaluation.contour_errors import (
 )
 from stixel_cli.evaluation.evaluate import normalised_errors
 from stixel_cli.geometry.pose import rotation, target_from_world, world_from_target
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.scenario import Scenario, ego_motion
+from stixel_cli.scene.scenario import Scenario
 
 SQUARE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
 

@@ -11,7 +11,8 @@ from stixel_cli.recordings.parameters import KittiTracking, LabelledFolder
 from stixel_cli.recordings.truth import recorded_motion, recorded_scenario
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.rendering.images import ImageStack
-from stixel_cli.scene.scenario import Scenario, Turning, ego_motion
+from stixel_cli.scene.ego import Turning, ego_motion
+from stixel_cli.scene.scenario import Scenario
 
 LENGTH, WIDTH, HEIGHT = 4.2, 1.8, 1.5
 

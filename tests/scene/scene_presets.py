@@ -8,8 +8,8 @@ from omegaconf import OmegaConf
 from pydantic import Field, TypeAdapter
 
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.scene.ego import Ego
 from stixel_cli.scene.parameters import Path, RoadUser, World
-from stixel_cli.scene.scenario import Ego
 
 CONF = FilePath(__file__).parents[2] / "conf"
 

@@ -10,10 +10,11 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rectangle
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.scene.contours import outline
+from stixel_cli.scene.ego import Parked, Straight, Turning, ego_motion, ego_poses
 from stixel_cli.scene.mesh import Part, corners
 from stixel_cli.scene.path import build_scenario, path_poses
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.scenario import Parked, Scenario, Straight, Turning, ego_motion, ego_poses
+from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.shapes import box, part
 
 

@@ -10,9 +10,9 @@ from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
 from stixel_cli.geometry.pose import rectangle, world_from_target
+from stixel_cli.scene.ego import Parked, ego_motion
 from stixel_cli.scene.parameters import Waypoints
 from stixel_cli.scene.path import driven, path_poses, waypoint_spline
-from stixel_cli.scene.scenario import Parked, ego_motion
 from stixel_cli.scene.shapes import monotone
 
 S_CURVE = scene_presets.path("s_curve", "car")

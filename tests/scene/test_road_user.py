@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.scene.contours import outline, road_user_contours
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.mesh import bounding_box, corners
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.road_user import LIMB_POSES, limb_poses, moving_parts, road_user_meshes
-from stixel_cli.scene.scenario import ego_motion
 from stixel_cli.scene.shapes import knee
 
 

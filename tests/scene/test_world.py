@@ -14,10 +14,11 @@ from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import rectangle, world_from_target
 from stixel_cli.rendering.placement import motion_of, numbered_objects
 from stixel_cli.scene.background import KERB, MARK, PAVEMENTS
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.mesh import bounding_box, corners
 from stixel_cli.scene.parameters import World
 from stixel_cli.scene.path import build_scenario, path_poses
-from stixel_cli.scene.scenario import Scenario, ego_motion
+from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.world import CLEARANCE, ROAD, VIEW, occluder, roadside_objects, world_objects
 
 

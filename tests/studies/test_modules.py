@@ -14,8 +14,8 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import MissingData
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import fabricate_scans
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.scenario import ego_motion
 from stixel_cli.studies import motions, robustness, rq1, rq3
 from stixel_cli.studies.file import read_study
 from stixel_cli.studies.report import StudyData, data_folder

@@ -14,8 +14,8 @@ from stixel_cli.evaluation.verdict import misfits_class, verdict
 from stixel_cli.measurements.disturbance import disturb_scans
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.scenario import ego_motion
 from stixel_cli.tracking.contour import contour
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import CONTRADICTED, track

@@ -11,8 +11,8 @@ from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.lidar import lidar_scans
 from stixel_cli.measurements.lidar_casting import cast_lidar
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.scenario import ego_motion
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.baselines import rectangle
 from stixel_cli.tracking.contour import contour
