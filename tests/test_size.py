@@ -12,10 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_921
+TOTAL = 44_929
 """Greatest number of lines in all."""
 
-MODULES = 241
+MODULES = 242
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -27,7 +27,7 @@ BUDGET = {
     "config": 2486,
     "engine": 4084,
     "evaluation": 1570,
-    "experiment": 1223,
+    "experiment": 1224,
     "export": 695,
     "geometry": 407,
     "live": 617,
@@ -38,7 +38,7 @@ BUDGET = {
     "rendering": 2154,
     "report": 735,
     "results": 1347,
-    "scene": 3140,
+    "scene": 3147,
     "stereo": 451,
     "stixels": 2024,
     "studies": 1611,
