@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 45_450
+TOTAL = 45_444
 """Greatest number of lines in all."""
 
 MODULES = 244
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2050,
     "studies": 1619,
     "sweeps": 1992,
-    "tracking": 6510,
+    "tracking": 6504,
     "validation": 1222,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
