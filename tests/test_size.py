@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_929
+TOTAL = 44_923
 """Greatest number of lines in all."""
 
 MODULES = 242
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2024,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6383,
+    "tracking": 6377,
     "validation": 1219,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -185,7 +185,7 @@ def follow_scan(tracks: list[OpenTrack], scans: Scans, k: int, sizes: np.ndarray
 
     `sizes` (n, 2) m are those of the class, or of each possible class.
     """
-    clusters = clusters_of(scans, k, LARGEST * diagonal(sizes))
+    clusters = clusters_of(scans, k, LARGEST * float(np.hypot(*sizes.T).max()))
     places = [scans.points_world[rows].mean(axis=0) for rows in clusters]
     noise = [
         PLACE**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
@@ -203,11 +203,6 @@ def follow_scan(tracks: list[OpenTrack], scans: Scans, k: int, sizes: np.ndarray
         covariance = np.diag([0.0, 0.0, UNKNOWN_SPEED**2, UNKNOWN_SPEED**2])
         covariance[:2, :2] = noise[j]
         tracks.append(OpenTrack({k: clusters[j]}, np.array([*places[j], 0.0, 0.0]), covariance))
-
-
-def diagonal(sizes: np.ndarray) -> float:
-    """The longest diagonal, m, of the `sizes` (n, 2) m."""
-    return float(np.hypot(*sizes.T).max())
 
 
 def assign(
@@ -228,13 +223,12 @@ def assign(
         return {}
     from scipy.optimize import linear_sum_assignment
 
-    costs = np.zeros((len(states), len(places)))
-    for row, (mean, covariance) in zip(costs, states, strict=True):
-        spread = covariance[:2, :2] + np.array(noise)
-        away = np.array(places) - mean[:2]
-        squared = np.sum(away * np.linalg.solve(spread, away[..., None])[..., 0], axis=1)
-        near = squared <= gate(GATE, 2)
-        row[near] = squared[near] + np.log(np.linalg.det(spread[near])) - 1e3
+    means, covariances = (np.array(part) for part in zip(*states, strict=True))
+    spread = covariances[:, None, :2, :2] + np.array(noise)
+    away = np.array(places) - means[:, None, :2]
+    squared = np.sum(away * np.linalg.solve(spread, away[..., None])[..., 0], axis=2)
+    # A pair is worth more than all that pairs cost.
+    costs = np.where(squared <= gate(GATE, 2), squared + np.log(np.linalg.det(spread)) - 1e3, 0.0)
     found = zip(*linear_sum_assignment(costs), strict=True)
     return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
 
