@@ -46,8 +46,8 @@ class GpEkfParameters:
         slip: standard deviation of the velocity across the heading, m/s, which is zero; null: any
             velocity, thesis (62).
         seen_by: kind of measurement, which sees one side of the target among neighbours: the radii
-            start as the outline of the class, and points are moved onto it from where such a
-            sensor sees it, see `one_side.py`. null: points are on the whole contour, as in [GP].
+            start as the outline of the class, and points are moved onto it, see `one_side.py`.
+            null: the points are on the contour, all round it, as in [GP].
         measurement_std: of a point along each axis, m: R is isotropic, whatever a scan states.
         gate_probability: chi-square probability of the association's gate; null takes every point.
         lag: later scans that a second, smoothed track uses; 0: there is none; null: all of the run.
