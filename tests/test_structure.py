@@ -16,6 +16,7 @@ ORDER = (
     "cli", "live", "benchmark", "studies", "export", "sweeps", "experiment", "machine", "config",
     "answers", "report", "pictures", "results", "validation", "calibration", "evaluation",
     "tracking", "measurements", "stixels", "stereo", "recordings", "rendering", "scene", "geometry",
+    "border",
 )  # fmt: skip
 """From the top. `engine` stands apart, and modules of the top level may be used by all."""
 

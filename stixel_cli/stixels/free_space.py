@@ -54,7 +54,10 @@ def find_free_space(
         base_row = obstacle_base(obstacle, line, rig)
         before = obstacle, base_row, line
         found.append((*before, unknown_rows(columns, base_row, line, road, grid, free_space)))
-    return FreeSpace(frames.start, *map(np.stack, zip(*found, strict=True)))
+    kinds = (np.float32, np.int32, np.float64, np.int32)
+    arrays = (np.array([one[i] for one in found], dtype=kind) for i, kind in enumerate(kinds))
+    widths = (rig.width, rig.width, 2, rig.width)
+    return FreeSpace(frames.start, *(a.reshape(-1, w) for a, w in zip(arrays, widths, strict=True)))
 
 
 def obstacle_base(obstacle: np.ndarray, line: np.ndarray, rig: Rig) -> np.ndarray:
