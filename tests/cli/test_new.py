@@ -15,30 +15,30 @@ from stixel_cli.tracking.contour.user_shape import read_class
 
 def test_a_new_tracker_passes_its_test(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["new", "tracker", "mine"]) == 0
-    assert "stixel run tracker=mine:track" in capsys.readouterr().out
-    assert {file.name for file in tmp_path.iterdir()} == {"mine.py", "test_mine.py"}
-    assert len((tmp_path / "mine.py").read_text().splitlines()) <= 30
+    assert main(["new", "tracker", "ours"]) == 0
+    assert "stixel run tracker=ours:track" in capsys.readouterr().out
+    assert {file.name for file in tmp_path.iterdir()} == {"ours.py", "test_ours.py"}
+    assert len((tmp_path / "ours.py").read_text().splitlines()) <= 30
     # As pytest would: another process takes seconds to import all.
     monkeypatch.syspath_prepend(tmp_path)
-    (test,) = [one for name, one in run_path("test_mine.py").items() if name.startswith("test_")]
+    (test,) = [one for name, one in run_path("test_ours.py").items() if name.startswith("test_")]
     test()
-    sys.modules.pop("mine")
+    sys.modules.pop("ours")
 
 
 def test_it_overwrites_nothing_and_needs_a_name(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "test_mine.py").write_text("mine")
+    (tmp_path / "test_ours.py").write_text("ours")
     for words, fault in (
-        (["tracker", "mine"], "test_mine.py: exists"),
+        (["tracker", "ours"], "test_ours.py: exists"),
         (["tracker", "my-tracker"], "must be the name of a new module"),
         (["tracker", "numpy"], "must be the name of a new module"),
         (["tracker", "class"], "must be the name of a new module"),
-        (["sensor", "mine"], "no such command 'sensor'"),
+        (["sensor", "ours"], "no such command 'sensor'"),
     ):
         assert main(["new", *words]) == 2
         assert fault in capsys.readouterr().err
-    assert [file.name for file in tmp_path.iterdir()] == ["test_mine.py"]
+    assert [file.name for file in tmp_path.iterdir()] == ["test_ours.py"]
 
 
 def test_the_overrides_that_it_prints_use_the_class_of_the_meshes(tmp_path, monkeypatch, capsys):
