@@ -23,10 +23,9 @@ from stixel_cli.tracking.contour.contour_rays import (
     associate,
     sampling_inset,
     segments,
-    sight_of,
 )
 from stixel_cli.tracking.contour.contour_report import OUTLINE_STD, contours_of, reported
-from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, Hypothesis, Measurement
+from stixel_cli.tracking.contour.contour_update import Hypothesis, Measurement
 from stixel_cli.tracking.contour.forms import forms_of
 from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
 from stixel_cli.tracking.contour.residual import Residual
@@ -165,10 +164,9 @@ def test_a_drawn_car_stays_one():
 def test_the_forms_depend_on_the_sensor_and_not_on_the_stated_size(prior):
     """A size that is stated is no reason to see another shape."""
     for sensor in ("stixels", "lidar"):
-        learned = forms_of("car", prior, replace(FILE, seen_by=sensor))
-        assert list(learned) == ["learned"]
-    assert list(forms_of("car", prior, FABRICATED)) == ["learned", "rectangle"]
-    assert list(forms_of("car", prior, FILE)) == ["class", "rectangle"]
+        assert list(forms_of("car", prior, replace(FILE, seen_by=sensor))) == ["class"]
+    for tracker in (FABRICATED, FILE):
+        assert list(forms_of("car", prior, tracker)) == ["class", "rectangle"]
 
 
 @pytest.mark.parametrize(
@@ -203,8 +201,7 @@ def test_a_size_that_was_well_seen_is_not_unlearned_as_something_hides_an_end():
     assert np.hypot(*errors.T).max() < 0.25
 
 
-def test_a_learned_shape_has_no_residual_and_a_rectangle_is_the_box():
-    assert forms_of("car", PRIOR, FABRICATED)["learned"][1].residual is None
+def test_a_rectangle_is_the_box():
     box = forms.rectangle(SHAPE).outline
     np.testing.assert_allclose(np.ptp(box, axis=0), SHAPE.size, rtol=2e-2)
     assert shapely.Polygon(box).area == pytest.approx(SHAPE.size.prod(), rel=0.02)
@@ -251,7 +248,7 @@ def test_a_given_outline_is_followed_where_the_bank_has_none_like_it(tmp_path):
     assert set(forms_of("car", given, FILE)) == {"outline", "class", "rectangle"}
     assert "outline" not in forms_of("cyclist", given, FILE)
     stixels = replace(FILE, seen_by="stixels")
-    assert set(forms_of("car", given, stixels)) == {"learned", "outline"}
+    assert set(forms_of("car", given, stixels)) == {"class", "outline"}
     poses = turning(25, 4.0, 0.3)
     scans, start = scans_seen(np.array(notched), poses, noise=0.05), start_at(poses)
     with_it, without = (track(scans, start, prior, FILE) for prior in (given, STATED))
@@ -291,8 +288,6 @@ def test_points_of_a_neighbour_are_not_the_targets():
     state, covariance = np.array([0.0, 15.0, 0.0, 0.0, 0.0]), np.diag([0.3, 0.3, 0.01, 0.0, 0.0])
     taken = associate(rays, state, covariance, sight, tracker)
     assert taken.max() < len(own) and len(taken) > 0.9 * len(own)
-    plain = associate(rays, state, covariance, sight_of("car", FABRICATED), FABRICATED)
-    assert plain.max() >= len(own)
 
 
 def test_a_front_alone_does_not_measure_the_length():
@@ -311,7 +306,7 @@ def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
     assert sampling_inset(uneven, sight)[1] > 10.0 * sampling_inset(even, sight)[1]
     state = np.concatenate([[0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
     covariance = 0.1 * np.eye(len(state))
-    joint = JointCovariance(covariance, np.ones(SHAPE_ERRORS))
+    joint = JointCovariance(covariance, np.zeros(0))
     prior, rays = Hypothesis((state, covariance, joint)), rays_at([[-0.8, 21.0], [0.8, 21.0]])
     for count, degrees in ((1, 1), (2, 4)):
         measurement = Measurement(rays, np.arange(count), sight, tracker)

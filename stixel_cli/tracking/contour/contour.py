@@ -122,8 +122,7 @@ class ClassBank:
         self._kept = {
             (road_user, form): one
             for (road_user, form), one in self._kept.items()
-            if one.log_weights[-1] >= self._best - DROPPED
-            or road_user == (self._own if one.sight.residual else self._assumed)
+            if one.log_weights[-1] >= self._best - DROPPED or road_user == self._own
         }
 
     def _choose(self) -> None:

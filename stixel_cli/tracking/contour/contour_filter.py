@@ -1,10 +1,9 @@
 """An extended Kalman filter on pose and size that casts the scan's rays on the class's shape.
 
 State: x, y, heading psi, speed v along the heading, turn rate omega, and the logarithms of the
-factors on the class's length and width; world frame, m, rad, s. Where the visible shape was not
-learned, the residual of the outline follows (`residual.py`). The heading is tied to the
-velocity, as a road user does not slide sideways: x' = v cos psi, y' = v sin psi, psi' = omega
-(Bar-Shalom, Li & Kirubarajan 2001, 11.7).
+factors on the class's length and width; world frame, m, rad, s. The residual of the outline
+follows (`residual.py`). The heading is tied to the velocity, as a road user does not slide
+sideways: x' = v cos psi, y' = v sin psi, psi' = omega (Bar-Shalom, Li & Kirubarajan 2001, 11.7).
 
 A point is the range r along its ray, whose direction is known well. The measurement is
 
@@ -21,9 +20,9 @@ with a point of the target should meet it: how far it passes by the visible shap
 
 Neighbours and successive scans share the shape's error, so n points are not n independent ones.
 Large factors on the variances account for that in the gain. How certain the estimate is with this
-gain follows from the errors themselves: the sensor's own, the part of the shape's that is shared,
-errors of the sensor that do not change from scan to scan, and the deviation of the size from that
-of the class. The shared ones and the last are considered, not estimated, see `consider.py`.
+gain follows from the errors themselves: the sensor's own, errors of the sensor that do not change
+from scan to scan, and the deviation of the size from that of the class. The last two are
+considered, not estimated, see `consider.py`. What scans share of the shape's error is the residual.
 
 Errors have heavy tails, so their variances are divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a
 Student distribution, e the normalised error at the current iterate (Lange, Little, Taylor 1989,
@@ -38,7 +37,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.scene.parameters import CLASS_ROWS, ClassRow
-from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance
+from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, associate, at_heights
@@ -53,7 +52,6 @@ from stixel_cli.tracking.contour.contour_recovery import (
 from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_sizes, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import (
     SEEN,
-    SHAPE_ERRORS,
     Hypothesis,
     Measurement,
     constant_errors,
@@ -93,8 +91,7 @@ class ClassFilter:
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
         self._size_stds = np.array([tracker.length_std, tracker.width_std])
         mean, covariance = start(initial, prior, shape, tracker, sight.residual)
-        memories = [FIELD_TIME] * SHAPE_ERRORS + [np.inf] * (sensor_errors + 2)
-        joint = JointCovariance(covariance, np.array(memories))
+        joint = JointCovariance(covariance, np.full(sensor_errors + 2, np.inf))
         # The last two are the size's deviation from the class's: at the start, all of its error.
         joint.matrix[[5, 6], [-2, -1]] = joint.matrix[[-2, -1], [5, 6]] = self._size_stds
         self._hypotheses = [Hypothesis((mean, covariance, joint))]
@@ -279,14 +276,12 @@ def start(
     prior: PriorShape,
     shape: ClassShape,
     tracker: ContourParameters,
-    residual: Residual | None = None,
+    residual: Residual,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (d,) and covariance (d, d) from an initial state and the prior's size.
 
-    The `residual`, if there is one, is zero.
-
-    The velocity is split along and across the heading. The part across is measured as zero: that
-    turns the heading towards the velocity.
+    The `residual` is zero. The velocity is split along and across the heading. The part across is
+    measured as zero: that turns the heading towards the velocity.
     """
     heading = initial.mean[2]
     turn = np.eye(6)
@@ -298,8 +293,7 @@ def start(
     gain = covariance @ row / (row @ covariance @ row + SIDEWAYS**2)
     mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
     kept = [0, 1, 2, 3, 5]
-    nodes = [residual.std**2] * NODES if residual else []
-    whole, spread = np.zeros(7 + len(nodes)), np.diag([0.0] * 7 + nodes)
+    whole, spread = np.zeros(7 + NODES), np.diag([0.0] * 7 + [residual.std**2] * NODES)
     whole[:5], spread[:5, :5] = mean[kept], covariance[np.ix_(kept, kept)]
     whole[5:7] = np.log(np.array([prior.length, prior.width]) / shape.size)
     spread[5, 5], spread[6, 6] = tracker.length_std**2, tracker.width_std**2

@@ -13,8 +13,7 @@ class ContourParameters:
 
     Attributes:
         seen_by: kind of measurement; selects the visible shape: `stixels` see less than the
-            outline. Points of a `file` or of the user's `own` source are on the class's outline
-            or on its box, whichever fits, with a residual.
+            outline. Other points are on the class's outline or on its box, whichever fits.
         road_user: whether the class is `fixed` as the prior's, or `estimated`: replaced by one that
             the scans make far more probable, if a size that you state fits that class, or by
             `other`, no known class.

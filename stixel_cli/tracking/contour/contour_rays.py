@@ -28,14 +28,15 @@ that is by the first nearer than an end, and no farther beside it, hides it."""
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
 
+EDGE_ON = 2.5
+"""Baselines. The second camera sees a face whose plane passes the first one by less so much shorter
+that a matcher loses it: a side of 35 columns of a KITTI image has 13 there."""
+
 FACES = 2
 """Errors of a target at the heights of its points: of its ends and of its sides."""
 
 NEIGHBOURS = 3
 """So many of the next points, by bearing, may be of the same object."""
-
-LEARNED = ("stixels", "fabricated", "lidar")
-"""Kinds of measurement from whose scans of the drawn classes the visible shapes were learned."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,8 @@ class Sight:
     outline: bool
     """Whether the sensor sees the outline itself, between whose ends the first and last ray fall at
     random."""
-    residual: Residual | None = None
-    """How the outline may differ from the form; None where the visible shape was learned from such
-    scans, see `forms.py`."""
+    residual: Residual
+    """How the outline may differ from the form."""
     height_insets: np.ndarray | None = None
     """See `class_shape.height_insets`; None: not known."""
 
@@ -83,7 +83,7 @@ class Rays:
     field_of_view: FieldOfView | None = None
     """Of the sensor; None: unknown."""
     hidden: tuple[bool, bool] = (False, False)
-    """Whether a nearer object hides what is beside the first and the last ray."""
+    """Whether what is beside the first and the last ray is hidden, see `subset`."""
 
     @property
     def normals(self) -> np.ndarray:
@@ -96,13 +96,18 @@ class Rays:
         return self.sensor[:2] + self.ranges[:, None] * self.directions
 
     def subset(self, indices: np.ndarray) -> "Rays":
-        """The rays at `indices`, whose ends are hidden or not."""
+        """The rays at `indices`, whose ends are hidden or not.
+
+        A nearer object hides one, or a face at the left end is too nearly edge-on for the second
+        camera to match it: its far end is not seen.
+        """
         of_each = {
             name: value[indices]
             for name, value in vars(self).items()
             if isinstance(value, np.ndarray) and name not in ("sensor", "points_world")
         }
-        return replace(self, **of_each, hidden=self._hidden_ends(indices))
+        rays, (right, left) = replace(self, **of_each), self._hidden_ends(indices)
+        return replace(rays, hidden=(right, left or rays._is_edge_on()))
 
     def _hidden_ends(self, indices: np.ndarray) -> tuple[bool, bool]:
         """Whether a nearer point that is not at `indices` is right beside an end of these rays."""
@@ -112,6 +117,16 @@ class Rays:
         apart = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends])) * self.ranges[ends]
         nearer = self.ranges[others] < self.ranges[ends] - NEAR
         return tuple((nearer & (apart < NEAR)).any(axis=0).tolist())
+
+    def _is_edge_on(self) -> bool:
+        """Whether the plane of the face at the left end is within `EDGE_ON` of the sensor."""
+        last = np.argsort(self.bearings)[-3:]
+        if self.field_of_view is None or len(last) < 3:
+            return False
+        begin, end = (self.points_world - self.sensor[:2])[last[[0, 2]]]
+        along = end - begin
+        apart = abs(along[0] * end[1] - along[1] * end[0])
+        return bool(apart < EDGE_ON * self.field_of_view.baseline * np.hypot(*along))
 
 
 def sight_of(
@@ -129,7 +144,8 @@ def sight_of(
     shape = class_shape(road_user).outline if vertices is None else vertices
     table = visible_table(shape, seen, blurred=tracker.seen_by == "stixels")
     insets = height_insets(road_user)
-    return Sight(table, seen.bias_per_std, seen.std_factor, outline, height_insets=insets)
+    residual = Residual(class_shape(road_user))
+    return Sight(table, seen.bias_per_std, seen.std_factor, outline, residual, insets)
 
 
 def rays_of(
@@ -225,10 +241,8 @@ def associate(
     if not len(rays.ranges):
         return np.zeros(0, np.int64)
     ranges, misses, stds = expected(pose_and_size, rays.sensor, rays.directions, sight.table.arrays)
-    along = across = covariance[0, 0] + covariance[1, 1]
-    if sight.residual:
-        across = np.einsum("ni,ij,nj->n", rays.normals, covariance[:2, :2], rays.normals)
-        along = along - across
+    across = np.einsum("ni,ij,nj->n", rays.normals, covariance[:2, :2], rays.normals)
+    along = covariance[0, 0] + covariance[1, 1] - across
     reach = np.hypot(*sight.table.extents)
     turned = 0.25 * reach**2 * covariance[2, 2]
     errors = rays.ranges - ranges - sight.bias_per_std * rays.stds
@@ -236,7 +250,7 @@ def associate(
     fits = np.abs(errors) < NEAR + tracker.gate_std * np.sqrt(variance)
     meets = misses < NEAR_ACROSS + tracker.gate_std * np.sqrt(across + turned)
     inside = fits & meets & ~rays.others
-    if sight.residual and inside.any():
+    if inside.any():
         inside &= _of_target(segments(rays), inside)
     return np.flatnonzero(inside)
 

@@ -20,7 +20,12 @@ from stixel_cli.measurements.clusters import cluster
 from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
-from stixel_cli.tracking.contour.contour_update import Fit, Hypothesis, Measurement
+from stixel_cli.tracking.contour.contour_update import (
+    SEARCHES,
+    Fit,
+    Hypothesis,
+    Measurement,
+)
 
 RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
@@ -81,7 +86,7 @@ def detect_again(
             begin = mean.copy()
             begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
             begin[2] += turn
-            fit = measurement.fit(mean, wide, begin)
+            fit = measurement.fit(mean, wide, begin, SEARCHES)
             # Most begins end at the same place.
             if all(_apart(fit.mean, other.mean) for other in fits):
                 fits.append(fit)
@@ -117,7 +122,7 @@ def turned(
     No road user goes backwards fast: its front was taken for its rear.
     """
     order, signs = np.arange(len(mean)), np.ones(len(mean))
-    order[7:], signs[3] = 7 + np.roll(np.arange(NODES), NODES // 2)[: len(mean) - 7], -1.0
+    order[7:], signs[3] = 7 + np.roll(np.arange(NODES), NODES // 2), -1.0
     mean = (signs * mean)[order]
     mean[2] += np.pi
     covariance = (signs[:, None] * covariance * signs)[np.ix_(order, order)]

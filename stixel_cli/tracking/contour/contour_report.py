@@ -17,7 +17,7 @@ def contours_of(
     covariances: np.ndarray,
     shape: ClassShape,
     points: int,
-    residual: Residual | None = None,
+    residual: Residual,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Contours (K, M, 2) m, directions (K, M, 2) and standard deviations (K, M) m of K states.
 
@@ -28,18 +28,12 @@ def contours_of(
     angles, directions = contour_directions(means[:, 2], points)
     unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     stds = np.interp(angles, *_polar(shape.outline, shape.outline_stds), period=2.0 * np.pi)
-    factors, centres = np.exp(means[:, 5:7]), np.zeros((len(means), 2))
-    if residual:
-        radii = np.empty((len(means), points))
-        for k, mean in enumerate(means):
-            centres[k] = residual.box_centre(mean)[0]
-            outline = residual.outline(mean) - centres[k]
-            radii[k] = np.interp(angles, *_polar(outline, np.hypot(*outline.T)), period=2.0 * np.pi)
-    else:
-        # A ray that meets the scaled outline is another one that meets the plain one.
-        x, y = (unit / factors[:, None]).transpose(2, 0, 1)
-        plain = _polar(shape.outline, np.hypot(*shape.outline.T))
-        radii = np.interp(np.arctan2(y, x), *plain, period=2.0 * np.pi) / np.hypot(x, y)
+    centres = np.zeros((len(means), 2))
+    radii = np.empty((len(means), points))
+    for k, mean in enumerate(means):
+        centres[k] = residual.box_centre(mean)[0]
+        outline = residual.outline(mean) - centres[k]
+        radii[k] = np.interp(angles, *_polar(outline, np.hypot(*outline.T)), period=2.0 * np.pi)
     bodies = radii[..., None] * unit + centres[:, None]
     edges = np.roll(bodies, -1, axis=1) - np.roll(bodies, 1, axis=1)
     normals, lengths = np.stack([edges[..., 1], -edges[..., 0]], axis=-1), np.hypot(*edges.T).T
@@ -50,25 +44,22 @@ def contours_of(
     slopes[..., 2] = normals[..., 1] * bodies[..., 0] - normals[..., 0] * bodies[..., 1]
     slopes[..., 5:7] = normals * bodies
     slopes /= facing[..., None]
-    if residual:
-        for k, (body, mean) in enumerate(zip(bodies, means, strict=True)):
-            weights = residual.weights_at(body, mean)
-            slopes[k, :, 7:] = weights * (lengths[k] / facing[k])[:, None]
+    for k, (body, mean) in enumerate(zip(bodies, means, strict=True)):
+        slopes[k, :, 7:] = residual.weights_at(body, mean) * (lengths[k] / facing[k])[:, None]
     variances = np.einsum("kmi,kmi->km", slopes @ covariances, slopes)
     of_shape = np.maximum(stds, OUTLINE_STD) ** 2
     contours = means[:, None, :2] + bodies @ turns.transpose(0, 2, 1)
     return contours, directions, np.sqrt(np.maximum(variances, 0.0) + of_shape)
 
 
-def box_sizes(means: np.ndarray, shape: ClassShape, residual: Residual | None = None) -> np.ndarray:
+def box_sizes(means: np.ndarray, shape: ClassShape, residual: Residual) -> np.ndarray:
     """Lengths and widths (K, 2) m of the boxes of K states, with room for the limbs in all poses.
 
     The outline may be smaller than this box, see `ClassShape`.
     """
     plain = np.ptp(shape.outline, axis=0)
-    if residual is None:
-        return shape.size * np.exp(means[:, 5:7])
-    return np.stack([np.ptp(residual.outline(mean), axis=0) for mean in means]) * shape.size / plain
+    sizes = np.array([np.ptp(residual.outline(mean), axis=0) for mean in means]).reshape(-1, 2)
+    return sizes * shape.size / plain
 
 
 def _polar(outline: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,22 +68,21 @@ def _polar(outline: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def reported(
-    means: np.ndarray, covariances: np.ndarray, residual: Residual | None = None
+    means: np.ndarray, covariances: np.ndarray, residual: Residual
 ) -> tuple[np.ndarray, np.ndarray]:
     """States (K, 8) and covariances (K, 8, 8) as a track has them.
 
     x, y, heading, their rates, and the logarithms of the two factors of size. The velocity is along
-    the heading; across it its standard deviation is `SIDEWAYS`. With a `residual`, x and y are the
-    middle of the outline's box.
+    the heading; across it its standard deviation is `SIDEWAYS`. x and y are the middle of
+    the outline's box.
     """
     states, spreads = np.empty((len(means), 8)), np.empty((len(means), 8, 8))
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
-        if residual:
-            shift, slopes = residual.box_centre(mean)
-            turn, reduction = rotation(mean[2]), np.eye(7, len(mean))
-            reduction[:2, 7:] = turn @ slopes
-            covariance = reduction @ covariance @ reduction.T
-            mean = np.concatenate([mean[:2] + turn @ shift, mean[2:7]])
+        shift, slopes = residual.box_centre(mean)
+        turn, reduction = rotation(mean[2]), np.eye(7, len(mean))
+        reduction[:2, 7:] = turn @ slopes
+        covariance = reduction @ covariance @ reduction.T
+        mean = np.concatenate([mean[:2] + turn @ shift, mean[2:7]])
         along = np.array([np.cos(mean[2]), np.sin(mean[2])])
         across = np.array([-along[1], along[0]])
         states[k] = [*mean[:3], *(mean[3] * along), *mean[4:]]

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from stixel_cli.tracking.association import uncut
-from stixel_cli.tracking.consider import NODES, JointCovariance, field_weights
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import OUTLINE_STD
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import (
-    LEARNED,
     Rays,
     Sight,
     gate_widths,
@@ -24,14 +23,11 @@ from stixel_cli.tracking.smoothing import Step
 SEEN = np.array([0, 1, 2, 5, 6])
 """Indices of the states that a ray sees: the pose and the two sizes."""
 
-SHAPE_ERRORS = NODES + 2
-"""Number of considered errors of the visible shape: of the field over the outline, and of the two
-ends. Those of the sensor and of the size follow."""
-
-SHARED = {"stixels": 1.0, "fabricated": 0.3, "lidar": 0.3, "file": 0.3, "own": 0.3}
 FINE = 0.2
-"""Shares of the visible shape's variance: what neighbouring rays and scans of each kind of sensor
-have in common, and what each point has of its own."""
+"""Share of the visible shape's variance that each point has of its own."""
+
+SEARCHES = 3
+"""A search from a place that may be far off takes so many times the iterations of an update."""
 
 CLUTTER = 3.0
 """Log odds against a ray that passes by the shape, at most: then its point is clutter."""
@@ -125,10 +121,15 @@ class Measurement:
             tracker.shape_factor**2,
         )
 
-    def fit(self, mean: np.ndarray, covariance: np.ndarray, begin: np.ndarray) -> Fit:
-        """An iterated update of a `mean` (d,) and `covariance` (d, d), which starts at `begin`."""
+    def fit(
+        self, mean: np.ndarray, covariance: np.ndarray, begin: np.ndarray, searches: int = 1
+    ) -> Fit:
+        """An iterated update of a `mean` (d,) and `covariance` (d, d), which starts at `begin`.
+
+        `searches`: by how much it may take more iterations than an update of a prediction.
+        """
         iterate, posterior, freedom = begin, covariance, self._tracker.degrees_of_freedom
-        for _ in range(self._tracker.iterations):
+        for _ in range(searches * self._tracker.iterations):
             rows = rows_at(iterate, posterior, self._measured, self._table)
             weights = (freedom + 1.0) / (freedom + rows.errors**2 / rows.noise)
             noise = rows.noise / np.minimum(weights, 1.0)
@@ -144,7 +145,7 @@ class Measurement:
     def update(self, prior: Hypothesis) -> Hypothesis:
         """The `prior`, updated."""
         mean, covariance, joint = prior.state
-        if self._tracker.seen_by not in LEARNED:
+        if self._tracker.seen_by in ("file", "own"):
             self._leave_out_hidden_end(mean, covariance, joint)
         return self.posterior(prior, joint, self.fit(mean, covariance, mean))
 
@@ -208,19 +209,14 @@ class Measurement:
         rays, measured = self.rays, self._measured
         count, states = len(rays.ranges), rows.matrix.shape[1]
         of_rays, to_ends = slice(count + 2), np.append(np.arange(count), measured.ends)
-        shape, slants = rows.stds**2, np.append(rows.slants, [1.0, 1.0])
-        own = measured.variances + slants**2 * rays.across_variances[to_ends] + FINE * shape
+        slants = np.append(rows.slants, [1.0, 1.0])
+        own = measured.variances + slants**2 * rays.across_variances[to_ends]
+        own += FINE * rows.stds**2
         matrix = np.zeros((len(rows.errors), size))
         matrix[:, :states] = rows.matrix
-        considered = matrix[of_rays, states:]
-        considered[:count, :NODES] = field_weights(rows.angles)
-        considered[count:, NODES:SHAPE_ERRORS] = np.eye(2)
-        considered *= np.sqrt(SHARED[self._tracker.seen_by] * shape)[:, None]
         # To move a point changes the innovation as to move the target does, on oblique faces, too.
-        of_sensor = slice(SHAPE_ERRORS, SHAPE_ERRORS + rays.shared.shape[2])
-        considered[:, of_sensor] = np.einsum(
-            "ni,nim->nm", rows.matrix[of_rays, :2], rays.shared[to_ends]
-        )
+        considered = np.einsum("ni,nim->nm", rows.matrix[of_rays, :2], rays.shared[to_ends])
+        matrix[of_rays, states : states + considered.shape[1]] = considered
         squared = rows.errors[of_rays] ** 2 / (own + (considered**2).sum(axis=1))
         freedom = self._tracker.degrees_of_freedom
         own *= np.maximum((freedom + squared) / (freedom + 1.0), 1.0)
@@ -229,4 +225,4 @@ class Measurement:
 
 def constant_errors(joint: JointCovariance) -> np.ndarray:
     """How far m errors that stay, of the sensor and of the class's size, move a state: (d, m)."""
-    return joint.matrix[: joint.size, joint.size + SHAPE_ERRORS :]
+    return joint.matrix[: joint.size, joint.size :]

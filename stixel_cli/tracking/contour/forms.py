@@ -1,11 +1,9 @@
-"""What a target looks like where the visible shape of its class is not known to hold.
+"""What a target may look like: a bank of forms, weighted by likelihood.
 
-The visible shapes (`class_shape.py`) were learned from stixels, lidars and fabricated rays of the
-drawn classes. Points of another sensor may look different. Then there is a bank of two forms, the
-class's outline and the rectangle of its box, weighted by likelihood; each may deviate a little
-along its outline (`residual.py`).
-Fabricated rays cut any outline that the user gives: for them the rectangle stands beside the
-learned shape. An outline that the user states is one more form, for every sensor.
+A form may deviate a little along its outline (`residual.py`), as no road user is quite the mean of
+its class, and no sensor sees it quite as those from which the visible shapes (`class_shape.py`)
+were learned. The first form is what the sensor sees of the class. Where it sees the outline itself,
+the rectangle of the class's box is another. An outline that the user states is one more.
 
 A target may be of no class at all, a pushchair or a truck: its form is free, a rounded rectangle of
 any size that may deviate more.
@@ -25,7 +23,7 @@ from stixel_cli.tracking.contour.class_shape import (
     height_insets,
 )
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
+from stixel_cli.tracking.contour.contour_rays import Sight, sight_of
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape
@@ -47,19 +45,16 @@ def forms_of(
 ) -> dict[str, tuple[ClassShape, Sight, ContourParameters]]:
     """The forms that a `road_user` may have: shape, how the sensor sees it, and parameters."""
     shape, sight = class_shape(road_user), sight_of(road_user, tracker)
-    learned = {"learned": (shape, sight, tracker)} if tracker.seen_by in LEARNED else {}
-    given = prior.outline if road_user == prior.road_user else None
-    if learned and given is None and tracker.seen_by != "fabricated":
-        return learned
-    box = rectangle(shape)
-    tables = {} if learned else {"class": (shape, sight.table)}
-    tables["rectangle"] = box, _exact_table(box.outline)
-    if given is not None:
-        vertices = read_outline(Path(given))
-        exact = sight.outline or tracker.seen_by not in LEARNED
-        table = _exact_table(vertices) if exact else sight_of(road_user, tracker, vertices).table
-        tables = ({} if learned else tables) | {"outline": (star_of(vertices), table)}
-    return learned | {
+    tables = {"class": (shape, sight.table)}
+    if sight.outline:
+        box = rectangle(shape)
+        tables["rectangle"] = box, _exact_table(box.outline)
+    if prior.outline is not None and road_user == prior.road_user:
+        vertices = read_outline(Path(prior.outline))
+        seen = None if sight.outline else sight_of(road_user, tracker, vertices)
+        table = seen.table if seen else _exact_table(vertices)
+        tables["outline"] = star_of(vertices), table
+    return {
         form: (form_shape, replace(sight, table=form_table, residual=Residual(form_shape)), tracker)
         for form, (form_shape, form_table) in tables.items()
     }
