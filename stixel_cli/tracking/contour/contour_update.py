@@ -23,9 +23,6 @@ from stixel_cli.tracking.smoothing import Step
 SEEN = np.array([0, 1, 2, 5, 6])
 """Indices of the states that a ray sees: the pose and the two sizes."""
 
-FINE = 0.2
-"""Share of the visible shape's variance that each point has of its own."""
-
 SEARCHES = 3
 """A search from a place that may be far off takes so many times the iterations of an update."""
 
@@ -211,7 +208,6 @@ class Measurement:
         of_rays, to_ends = slice(count + 2), np.append(np.arange(count), measured.ends)
         slants = np.append(rows.slants, [1.0, 1.0])
         own = measured.variances + slants**2 * rays.across_variances[to_ends]
-        own += FINE * rows.stds**2
         matrix = np.zeros((len(rows.errors), size))
         matrix[:, :states] = rows.matrix
         # To move a point changes the innovation as to move the target does, on oblique faces, too.
