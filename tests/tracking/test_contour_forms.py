@@ -279,6 +279,9 @@ def test_ends_are_hidden_beside_a_nearer_point():
     assert rays.subset(np.arange(9)).hidden == (False, False)
     rays = rays_at([*target, [1.1, 19.0], *far])
     assert rays.subset(np.arange(9)).hidden == (True, False)
+    # 120 m away, a lidar's next ray passes 0.35 m beside the end, and meets what hides the rest.
+    rays = rays_at([[x, 120.0] for x in np.linspace(-1.4, 1.4, 9)] + [[0.875, 60.0]])
+    assert rays.subset(np.arange(9)).hidden == (True, False)
 
 
 def test_points_of_a_neighbour_are_not_the_targets():

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
-from stixel_cli.measurements.scans import FieldOfView
+from stixel_cli.measurements.scans import BEARING, FieldOfView
 from stixel_cli.tracking.contour.class_shape import (
     HEIGHTS,
     class_shape,
@@ -23,7 +23,7 @@ from stixel_cli.tracking.contour.residual import Residual
 
 NEAR, NEAR_ACROSS = 0.3, 0.15
 """A point this near to the expected one, m, along the ray and across, is in every gate. A point
-that is by the first nearer than an end, and no farther beside it, hides it."""
+that is by the first nearer than an end, and no farther beyond the next ray, hides it."""
 
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
@@ -109,9 +109,9 @@ class Rays:
         others = np.delete(np.arange(len(self.ranges)), indices)[:, None]
         bearings = self.bearings[indices]
         ends = indices[[bearings.argmin(), bearings.argmax()]]
-        apart = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends])) * self.ranges[ends]
+        beyond = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends])) - 2.0 * BEARING
         nearer = self.ranges[others] < self.ranges[ends] - NEAR
-        return tuple((nearer & (apart < NEAR)).any(axis=0).tolist())
+        return tuple((nearer & (beyond * self.ranges[ends] < NEAR)).any(axis=0).tolist())
 
 
 def sight_of(
