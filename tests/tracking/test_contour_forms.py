@@ -307,6 +307,16 @@ def test_a_front_alone_does_not_measure_the_length():
     np.testing.assert_allclose(slopes[:, 5], -0.5 * SHAPE.size[0] * slopes[:, 1], rtol=0.02)
 
 
+@pytest.mark.parametrize(("y", "least", "most"), [(12.0, 0.0, 0.0), (120.0, 0.1, 0.18)])
+def test_far_from_a_lidar_the_ends_are_between_its_rays(y, least, most):
+    """Rays 0.17 degrees apart: near the sensor, the visible shape has learned where they end."""
+    sight = sight_of("car", replace(FILE, seen_by="lidar"))
+    rays = rays_at([[y * bearing, y] for bearing in np.radians(0.17) * np.arange(-4, 5)])
+    inset, variance = sampling_inset(rays, sight)
+    assert least <= inset <= most
+    assert variance == pytest.approx(inset**2 / 3.0)
+
+
 def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
     even = rays_at([[x, 20.0] for x in np.linspace(-1.0, 1.0, 6)])
     uneven = rays_at([[x, 20.0] for x in (-1.0, -0.95, -0.9, -0.1, 0.95, 1.0)])

@@ -47,9 +47,9 @@ class Sight:
     bias_per_std: float
     std_factor: float
     """`bias_per_std`, `std_factor`: see `VisibleShape`."""
-    outline: bool
-    """Whether the sensor sees the outline itself, between whose ends the first and last ray fall at
-    random."""
+    learned_inset: float = 0.0
+    """How far inside the limits the first and last ray were in the scans that the visible shape was
+    learned from, m; 0: the sensor sees the outline itself; infinite: columns of stixels."""
     residual: Residual | None = None
     """How the outline may differ from the form; None where the visible shape was learned from such
     scans, see `forms.py`."""
@@ -123,13 +123,12 @@ def sight_of(
 
     The outline is the class's, or `vertices` (n, 2) m of another one.
     """
-    outline = tracker.seen_by not in ("stixels", "lidar")
-    kind = "outline" if outline else tracker.seen_by
+    kind = tracker.seen_by if tracker.seen_by in ("stixels", "lidar") else "outline"
     seen = visible_shape(road_user, kind)
     shape = class_shape(road_user).outline if vertices is None else vertices
     table = visible_table(shape, seen, blurred=tracker.seen_by == "stixels")
-    insets = height_insets(road_user)
-    return Sight(table, seen.bias_per_std, seen.std_factor, outline, height_insets=insets)
+    learned = {"outline": 0.0, "stixels": np.inf}.get(kind, float(seen.insets.mean()))
+    return Sight(table, seen.bias_per_std, seen.std_factor, learned, None, height_insets(road_user))
 
 
 def rays_of(
@@ -286,13 +285,14 @@ def _join(labels, points, stds, neighbours):
 def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
     """How far inside the visible shape's limits the first and last ray fall, m; its variance, m².
 
-    The table of stixels includes both. Where the sensor sees the outline itself, the limit is
-    anywhere between the last ray that hits and its neighbour, which does not.
+    A limit is anywhere between the last ray that hits and its neighbour, which does not. Far away,
+    where the rays are farther apart than where the shape was learned, that is more than it knows.
     """
-    if not sight.outline or len(rays.bearings) < 2:
+    if len(rays.bearings) < 2 or np.isinf(sight.learned_inset):
         return 0.0, 0.0
-    gaps = np.sort(np.diff(np.sort(rays.bearings))) * rays.ranges.mean()
-    middle = 0.5 * (gaps[len(gaps) // 2] + gaps[(len(gaps) - 1) // 2])
-    gap, spread = float(middle), float(np.mean(gaps**2))
+    gaps = np.diff(np.sort(rays.bearings)) * rays.ranges.mean()
+    gap, spread = float(np.median(gaps)), float(np.mean(gaps**2))
+    inset = max(0.5 * gap - sight.learned_inset, 0.0)
     # Where gaps are uneven, the points are anywhere on the target, as those of a radar.
-    return 0.5 * gap, spread / 12.0 + (np.sqrt(spread) - gap) ** 2
+    uneven = 0.0 if sight.learned_inset else (np.sqrt(spread) - gap) ** 2
+    return inset, inset**2 / 3.0 + uneven

@@ -110,7 +110,7 @@ class Measurement:
         of_edges = (np.radians(tracker.silhouette_std) * rays.ranges) ** 2
         silhouettes = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
         # A single ray does not show where an outline begins or ends.
-        silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
+        silhouettes &= ~np.array(rays.hidden) & (count > 1 or sight.learned_inset != 0.0)
         self._measured = Measured(
             rays.sensor,
             rays.directions,

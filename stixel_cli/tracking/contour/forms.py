@@ -56,7 +56,7 @@ def forms_of(
     tables["rectangle"] = box, _exact_table(box.outline)
     if given is not None:
         vertices = read_outline(Path(given))
-        exact = sight.outline or tracker.seen_by not in LEARNED
+        exact = not sight.learned_inset or tracker.seen_by not in LEARNED
         table = _exact_table(vertices) if exact else sight_of(road_user, tracker, vertices).table
         tables = ({} if learned else tables) | {"outline": (star_of(vertices), table)}
     return learned | {
@@ -81,7 +81,7 @@ def free_form(
     table = _exact_table(shape.outline, OUTLINE_STD)
     residual = Residual(shape, FREE_RESIDUAL)
     insets = None if prior.road_user == "unknown" else height_insets(prior.road_user)
-    sight = Sight(table, 0.0, 1.0, outline=True, residual=residual, height_insets=insets)
+    sight = Sight(table, 0.0, 1.0, residual=residual, height_insets=insets)
     return replace(prior, road_user=OTHER), shape, sight, tracker
 
 
