@@ -291,8 +291,8 @@ def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
     if len(rays.bearings) < 2 or np.isinf(sight.learned_inset):
         return 0.0, 0.0
     gaps = np.diff(np.sort(rays.bearings)) * rays.ranges.mean()
-    gap, spread = float(np.median(gaps)), float(np.mean(gaps**2))
+    gap, root = float(np.median(gaps)), float(np.sqrt(np.mean(gaps**2)))
     inset = max(0.5 * gap - sight.learned_inset, 0.0)
     # Where gaps are uneven, the points are anywhere on the target, as those of a radar.
-    uneven = 0.0 if sight.learned_inset else (np.sqrt(spread) - gap) ** 2
-    return inset, inset**2 / 3.0 + uneven
+    of_outline = root**2 / 12.0 + (root - gap) ** 2
+    return inset, inset**2 / 3.0 if sight.learned_inset else of_outline
