@@ -23,6 +23,7 @@ from stixel_cli.tracking.contour.contour_rays import (
     associate,
     sampling_inset,
     segments,
+    sight_of,
 )
 from stixel_cli.tracking.contour.contour_report import OUTLINE_STD, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import Hypothesis, Measurement
@@ -276,6 +277,9 @@ def test_ends_are_hidden_beside_a_nearer_point():
     assert rays.subset(np.arange(9)).hidden == (False, False)
     rays = rays_at([*target, [1.1, 19.0], *far])
     assert rays.subset(np.arange(9)).hidden == (True, False)
+    # 120 m away, a lidar's next ray passes 0.35 m beside the end, and meets what hides the rest.
+    rays = rays_at([[x, 120.0] for x in np.linspace(-1.4, 1.4, 9)] + [[0.875, 60.0]])
+    assert rays.subset(np.arange(9)).hidden == (True, False)
 
 
 def test_points_of_a_neighbour_are_not_the_targets():
@@ -297,6 +301,16 @@ def test_a_front_alone_does_not_measure_the_length():
     measured = rays.sensor, rays.directions, rays.ranges, outline_table(SHAPE.outline)
     slopes = rows_at(state, 0.01 * np.eye(len(state)), *measured).matrix[:9]
     np.testing.assert_allclose(slopes[:, 5], -0.5 * SHAPE.size[0] * slopes[:, 1], rtol=0.02)
+
+
+@pytest.mark.parametrize(("y", "least", "most"), [(12.0, 0.0, 0.0), (120.0, 0.1, 0.18)])
+def test_far_from_a_lidar_the_ends_are_between_its_rays(y, least, most):
+    """Rays 0.17 degrees apart: near the sensor, the visible shape has learned where they end."""
+    sight = sight_of("car", replace(FILE, seen_by="lidar"))
+    rays = rays_at([[y * bearing, y] for bearing in np.radians(0.17) * np.arange(-4, 5)])
+    inset, variance = sampling_inset(rays, sight)
+    assert least <= inset <= most
+    assert variance == pytest.approx(inset**2 / 3.0)
 
 
 def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():

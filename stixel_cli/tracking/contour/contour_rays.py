@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
-from stixel_cli.measurements.scans import FieldOfView
+from stixel_cli.measurements.scans import BEARING, FieldOfView
 from stixel_cli.tracking.contour.class_shape import (
     HEIGHTS,
     class_shape,
@@ -23,7 +23,7 @@ from stixel_cli.tracking.contour.residual import Residual
 
 NEAR, NEAR_ACROSS = 0.3, 0.15
 """A point this near to the expected one, m, along the ray and across, is in every gate. A point
-that is by the first nearer than an end, and no farther beside it, hides it."""
+that is by the first nearer than an end, and no farther beyond the next ray, hides it."""
 
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
@@ -48,13 +48,18 @@ class Sight:
     bias_per_std: float
     std_factor: float
     """`bias_per_std`, `std_factor`: see `VisibleShape`."""
-    outline: bool
-    """Whether the sensor sees the outline itself, between whose ends the first and last ray fall at
-    random."""
+    learned_inset: float
+    """How far inside the limits the first and last ray were in the scans that the visible shape was
+    learned from, m; 0: the sensor sees the outline itself; infinite: columns of stixels."""
     residual: Residual
     """How the outline may differ from the form."""
     height_insets: np.ndarray | None = None
     """See `class_shape.height_insets`; None: not known."""
+
+    @property
+    def outline(self) -> bool:
+        """Whether the sensor sees the outline itself."""
+        return self.learned_inset == 0.0
 
 
 @dataclass(frozen=True)
@@ -114,9 +119,9 @@ class Rays:
         others = np.delete(np.arange(len(self.ranges)), indices)[:, None]
         bearings = self.bearings[indices]
         ends = indices[[bearings.argmin(), bearings.argmax()]]
-        apart = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends])) * self.ranges[ends]
+        beyond = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends])) - 2.0 * BEARING
         nearer = self.ranges[others] < self.ranges[ends] - NEAR
-        return tuple((nearer & (apart < NEAR)).any(axis=0).tolist())
+        return tuple((nearer & (beyond * self.ranges[ends] < NEAR)).any(axis=0).tolist())
 
     def _is_edge_on(self) -> bool:
         """Whether the plane of the face at the left end is within `EDGE_ON` of the sensor."""
@@ -138,14 +143,13 @@ def sight_of(
 
     The outline is the class's, or `vertices` (n, 2) m of another one.
     """
-    outline = tracker.seen_by not in ("stixels", "lidar")
-    kind = "outline" if outline else tracker.seen_by
+    kind = tracker.seen_by if tracker.seen_by in ("stixels", "lidar") else "outline"
     seen = visible_shape(road_user, kind)
     shape = class_shape(road_user).outline if vertices is None else vertices
     table = visible_table(shape, seen, blurred=tracker.seen_by == "stixels")
-    insets = height_insets(road_user)
-    residual = Residual(class_shape(road_user))
-    return Sight(table, seen.bias_per_std, seen.std_factor, outline, residual, insets)
+    learned = {"outline": 0.0, "stixels": np.inf}.get(kind, float(seen.insets.mean()))
+    residual, insets = Residual(class_shape(road_user)), height_insets(road_user)
+    return Sight(table, seen.bias_per_std, seen.std_factor, learned, residual, insets)
 
 
 def rays_of(
@@ -300,13 +304,14 @@ def _join(labels, points, stds, neighbours):
 def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
     """How far inside the visible shape's limits the first and last ray fall, m; its variance, m².
 
-    The table of stixels includes both. Where the sensor sees the outline itself, the limit is
-    anywhere between the last ray that hits and its neighbour, which does not.
+    A limit is anywhere between the last ray that hits and its neighbour, which does not. Far away,
+    where the rays are farther apart than where the shape was learned, that is more than it knows.
     """
-    if not sight.outline or len(rays.bearings) < 2:
+    if len(rays.bearings) < 2 or np.isinf(sight.learned_inset):
         return 0.0, 0.0
-    gaps = np.sort(np.diff(np.sort(rays.bearings))) * rays.ranges.mean()
-    middle = 0.5 * (gaps[len(gaps) // 2] + gaps[(len(gaps) - 1) // 2])
-    gap, spread = float(middle), float(np.mean(gaps**2))
+    gaps = np.diff(np.sort(rays.bearings)) * rays.ranges.mean()
+    gap, root = float(np.median(gaps)), float(np.sqrt(np.mean(gaps**2)))
+    inset = max(0.5 * gap - sight.learned_inset, 0.0)
     # Where gaps are uneven, the points are anywhere on the target, as those of a radar.
-    return 0.5 * gap, spread / 12.0 + (np.sqrt(spread) - gap) ** 2
+    of_outline = root**2 / 12.0 + (root - gap) ** 2
+    return inset, of_outline if sight.outline else inset**2 / 3.0

@@ -76,7 +76,7 @@ def free_form(
     table = _exact_table(shape.outline, OUTLINE_STD)
     residual = Residual(shape, FREE_RESIDUAL)
     insets = None if prior.road_user == "unknown" else height_insets(prior.road_user)
-    sight = Sight(table, 0.0, 1.0, outline=True, residual=residual, height_insets=insets)
+    sight = Sight(table, 0.0, 1.0, 0.0, residual, insets)
     return replace(prior, road_user=OTHER), shape, sight, tracker
 
 
