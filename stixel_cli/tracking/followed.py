@@ -33,10 +33,6 @@ RAYS_APART = 2.0
 are far apart on a distant target, and farther where they graze it. With 1, three of ten have no
 start."""
 
-GATE = 0.99
-"""Chi-square probability of a cluster's distance to a prediction, as of a point's in the trackers.
-With 0.9 there is a false track, with 0.999 starts are worse."""
-
 BEGIN, END = 3, 5
 """A road user moves if so many scans in a row show it: with 2 there are three false tracks, with 4
 a car is not found. A track ends after so many without its cluster: with 3 starts are worse."""
@@ -228,7 +224,7 @@ def assign(
     away = np.array(places) - means[:, None, :2]
     squared = np.sum(away * np.linalg.solve(spread, away[..., None])[..., 0], axis=2)
     # A pair is worth more than all that pairs cost.
-    costs = np.where(squared <= gate(GATE, 2), squared + np.log(np.linalg.det(spread)) - 1e3, 0.0)
+    costs = np.where(squared <= gate(2), squared + np.log(np.linalg.det(spread)) - 1e3, 0.0)
     found = zip(*linear_sum_assignment(costs), strict=True)
     return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
 

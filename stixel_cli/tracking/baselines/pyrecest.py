@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Le
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import rotation, world_from_target, wrap_angle
@@ -47,7 +47,6 @@ class PyRecEstParameters:
         measurement_std: m, along each axis, added to the covariance of each point of the scan:
             errors that neighbouring points share.
         basis_points: of the Gaussian process, and control points of the spline.
-        gate_probability: chi-square probability of the association's gate; null takes every point.
     """
 
     kind: Literal["pyrecest"]
@@ -56,7 +55,6 @@ class PyRecEstParameters:
     sigma_q_psi: Annotated[float, Ge(0), Le(100)]
     measurement_std: Annotated[float, Ge(0), Le(10)]
     basis_points: Annotated[int, Ge(4), Le(200)]
-    gate_probability: Annotated[float, Gt(0), Lt(1)] | None
 
 
 HARMONICS = 4
@@ -101,7 +99,7 @@ def track(
             mean, covariance = adapted.estimate()
             turn, noises = rotation(mean[2]), scan.covariances + added
             spread = covariance[:2, :2] + turn @ size @ turn.T + noises
-            near = associate(scan.points, mean[:2], spread, tracker.gate_probability)
+            near = associate(scan.points, mean[:2], spread)
             near = near if len(near) >= least else near[:0]
             if len(near):
                 adapted.update(scan.points[near], noises[near])
