@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_919
+TOTAL = 44_905
 """Greatest number of lines in all."""
 
 MODULES = 242
@@ -28,7 +28,7 @@ BUDGET = {
     "config": 2486,
     "engine": 4084,
     "evaluation": 1570,
-    "experiment": 1224,
+    "experiment": 1225,
     "export": 695,
     "geometry": 407,
     "live": 617,
@@ -44,8 +44,8 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6370,
-    "validation": 1219,
+    "tracking": 6300,
+    "validation": 1274,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

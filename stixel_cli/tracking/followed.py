@@ -17,15 +17,9 @@ from stixel_cli.measurements.clusters import GAP, cluster
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.parameters import CLASS_ROWS
+from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import gate
 from stixel_cli.tracking.kalman import mixture, update
-from stixel_cli.tracking.motion import (
-    GREATEST_VARIANCE,
-    LEAST_SPEED,
-    intervals,
-    predict_place,
-    transition,
-)
 from stixel_cli.tracking.track import InitialState
 
 RAYS_APART = 2.0
@@ -153,7 +147,7 @@ class OpenTrack:
 
 def least_speed(of_sensor: float) -> float:
     """The speed, m/s, of the slowest road user that moves, given that of the sensor."""
-    return LEAST_SPEED + OF_SENSOR * of_sensor
+    return motion.LEAST_SPEED + OF_SENSOR * of_sensor
 
 
 def clusters_of(scans: Scans, k: int, longest: float) -> list[np.ndarray]:
@@ -187,9 +181,11 @@ def follow_scan(tracks: list[OpenTrack], scans: Scans, k: int, sizes: np.ndarray
         PLACE**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
         for rows in clusters
     ]
-    alive, interval = [one for one in tracks if one.is_alive(k)], intervals(scans.times)[k]
+    alive, interval = [one for one in tracks if one.is_alive(k)], motion.intervals(scans.times)[k]
     for one in alive:
-        one.mean, one.covariance = predict_place(one.mean, one.covariance, interval, ACCELERATION)
+        one.mean, one.covariance = motion.predict_place(
+            one.mean, one.covariance, interval, ACCELERATION
+        )
     pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
     for i, j in pairs.items():
         one, innovation = alive[i], places[j] - alive[i].mean[:2]
@@ -256,7 +252,7 @@ def state_of(
     states = [_state_of(scans, one, size, start) for size in sizes]
     means, covariances, times = (np.stack(part) for part in zip(*states, strict=True))
     mean, covariance = mixture(np.full(len(sizes), 1.0 / len(sizes)), means, covariances)
-    back = transition(scans.times[first] - intervals(scans.times)[first] - times[0])
+    back = motion.transition(scans.times[first] - motion.intervals(scans.times)[first] - times[0])
     return InitialState(back @ mean, back @ covariance @ back.T)
 
 
@@ -272,9 +268,9 @@ def _state_of(
         heading, velocity = sensors[ks[0], 2], line(scans.times[near], sensors[near, :2])[1]
     else:
         velocity, _ = one.velocity(scans)
-        headed = float(np.hypot(*velocity)) >= LEAST_SPEED
+        headed = float(np.hypot(*velocity)) >= motion.LEAST_SPEED
         heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(points)
-        stds[2] = stds[2] if headed else np.sqrt(GREATEST_VARIANCE)
+        stds[2] = stds[2] if headed else np.sqrt(motion.GREATEST_VARIANCE)
     centres = [
         _centre(each, sensors[k, :2], heading, size) for k, each in zip(ks, points, strict=True)
     ]

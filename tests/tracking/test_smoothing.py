@@ -15,8 +15,8 @@ from stixel_cli.tracking.baselines import point
 from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
+from stixel_cli.tracking.kalman import Step, smooth
 from stixel_cli.tracking.motion import MOVING, process_noise, transition
-from stixel_cli.tracking.smoothing import Step, smooth
 
 COUNT, SIZE = 12, 3
 LAGS = (0, 1, 3, COUNT - 1, COUNT + 5, None)

@@ -18,10 +18,9 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.kalman import update
+from stixel_cli.tracking.kalman import Step, smooth, update
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.prior import EVEN, PriorShape, prior_radii
-from stixel_cli.tracking.smoothing import Step, smooth
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
 
 
