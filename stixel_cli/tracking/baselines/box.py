@@ -100,15 +100,9 @@ def visible_centroid(half: np.ndarray, sensor: np.ndarray) -> np.ndarray:
         half: (2,) m, half of the length and of the width.
         sensor: (2,) m, its place in the target's frame. Inside the box it sees no side: the centre.
     """
-    total, weight = np.zeros(2), 0.0
-    for axis in (0, 1):
-        if abs(sensor[axis]) <= half[axis]:
-            continue
-        middle = np.zeros(2)
-        middle[axis] = np.copysign(half[axis], sensor[axis])
-        along = np.zeros(2)
-        along[1 - axis] = half[1 - axis]
-        one, other = middle + along - sensor, middle - along - sensor
-        angle = np.arctan2(abs(one[0] * other[1] - one[1] * other[0]), one @ other)
-        total, weight = total + angle * middle, weight + angle
-    return total / weight if weight > 0.0 else total
+    seen = np.abs(sensor) > half
+    middles, along = np.diag(np.copysign(half, sensor)), np.diag(half)[::-1]
+    one, other = middles + along - sensor, middles - along - sensor
+    across = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    angles = np.where(seen, np.arctan2(np.abs(across), (one * other).sum(axis=1)), 0.0)
+    return angles @ middles / angles.sum() if seen.any() else np.zeros(2)
