@@ -19,7 +19,7 @@ from stixel_cli.parameters import parameters
 from stixel_cli.scene.parameters import CLASS_ROWS
 from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import gate
-from stixel_cli.tracking.kalman import mixture, update
+from stixel_cli.tracking.kalman import CENTROID_STD, mixture, update
 from stixel_cli.tracking.track import InitialState
 
 RAYS_APART = 2.0
@@ -30,10 +30,6 @@ start."""
 BEGIN, END = 3, 5
 """A road user moves if so many scans in a row show it: with 2 there are three false tracks, with 4
 a car is not found. A track ends after so many without its cluster: with 3 starts are worse."""
-
-PLACE = 0.3
-"""Standard deviation of a cluster's centroid from scan to scan, m: another part is seen. With 0.15
-a car is not found, with 0.6 starts are worse."""
 
 ACCELERATION = 3.0
 """Process noise, m/s^1.5, as of `tracker=point`. With 1 there are two false tracks."""
@@ -178,7 +174,7 @@ def follow_scan(tracks: list[OpenTrack], scans: Scans, k: int, sizes: np.ndarray
     clusters = clusters_of(scans, k, LARGEST * float(np.hypot(*sizes.T).max()))
     places = [scans.points_world[rows].mean(axis=0) for rows in clusters]
     noise = [
-        PLACE**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
+        CENTROID_STD**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
         for rows in clusters
     ]
     alive, interval = [one for one in tracks if one.is_alive(k)], motion.intervals(scans.times)[k]

@@ -21,6 +21,10 @@ from stixel_cli.geometry.pose import wrap_angle
 PLACE = np.eye(2, 4)
 """The place as a function of the four states of place and velocity."""
 
+CENTROID_STD = 0.3
+"""Standard deviation of the centroid of a target's points, m: from scan to scan another part is
+seen. Where clusters are followed, with 0.15 a car is not found, with 0.6 starts are worse."""
+
 
 def correct(
     covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray

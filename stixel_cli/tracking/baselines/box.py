@@ -20,7 +20,7 @@ from stixel_cli.geometry.pose import rotation, target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.baselines.rectangle_contour import contours_of
-from stixel_cli.tracking.kalman import update
+from stixel_cli.tracking.kalman import CENTROID_STD, update
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, predict_place, six_states
 from stixel_cli.tracking.prior import PriorShape
@@ -42,9 +42,6 @@ class BoxParameters:
     sigma_q: Annotated[float, Ge(0), Le(100)]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
 
-
-CENTROID_STD = 0.3
-"""Standard deviation of the centroid's place on the visible sides, m."""
 
 BESIDE = 1.0
 """Points this far outside of the predicted box are not used, m."""
