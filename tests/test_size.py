@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_919
+TOTAL = 44_865
 """Greatest number of lines in all."""
 
 MODULES = 242
@@ -21,17 +21,17 @@ MODULES = 242
 BUDGET = {
     "": 712,
     "answers": 1356,
-    "benchmark": 1004,
+    "benchmark": 1001,
     "border": 645,
     "calibration": 559,
     "cli": 2576,
     "config": 2486,
     "engine": 4084,
     "evaluation": 1570,
-    "experiment": 1224,
+    "experiment": 1225,
     "export": 695,
     "geometry": 407,
-    "live": 617,
+    "live": 614,
     "machine": 185,
     "measurements": 1777,
     "pictures": 1381,
@@ -44,8 +44,8 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6370,
-    "validation": 1219,
+    "tracking": 6266,
+    "validation": 1274,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

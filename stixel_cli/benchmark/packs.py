@@ -29,7 +29,7 @@ from stixel_cli.parameters import parameters
 from stixel_cli.pictures.uncertainty import normalised_chi_square_bounds
 from stixel_cli.results.folder import json_text
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.track import Track, contour_directions
+from stixel_cli.tracking.track import Track, contour_directions, directions_of
 
 TRACKER, MANIFEST = "tracker.json", "manifest.json"
 OPTIONAL = "contour_std"
@@ -350,18 +350,15 @@ def _track(arrays: Mapping[str, np.ndarray], scans: Scans) -> Track:
     arms = contours - means[:, None, :2]
     ahead = np.roll(arms, -1, axis=1)
     clockwise = (arms[..., 0] * ahead[..., 1] - arms[..., 1] * ahead[..., 0]).sum(axis=1) < 0.0
-    for values in (contours, arms, std):
+    for values in (contours, std):
         values[clockwise] = values[clockwise, ::-1]
-    lengths = np.linalg.norm(arms, axis=2, keepdims=True)
-    directions = np.divide(arms, lengths, out=np.zeros_like(arms), where=lengths > 0.0)
     covariances = np.tile(np.eye(6), (count, 1, 1))
     covariances[:, :3, :3] = poses
     states = np.column_stack([means, np.zeros((count, 3))]), covariances
     # Which points it used is not known, either.
     every = [np.arange(*scans.offsets[k : k + 2]) for k in range(count)]
-    return Track.of_scans(
-        scans.times, states, (contours, directions, std), every, np.full(count, np.nan)
-    )
+    shapes = contours, directions_of(contours, means), std
+    return Track.of_scans(scans.times, states, shapes, every, np.full(count, np.nan))
 
 
 def write_row(row: Mapping[str, Any], folder: Path) -> Path:

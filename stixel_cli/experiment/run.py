@@ -19,7 +19,8 @@ from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder
 from stixel_cli.results.lineage import lineage_of, provenance
 from stixel_cli.results.result import RunResult
-from stixel_cli.tracking.file import FileTrackParameters, track_doubts
+from stixel_cli.tracking.file import FileTrackParameters
+from stixel_cli.validation.track_doubts import track_doubts
 
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""

@@ -35,9 +35,6 @@ if TYPE_CHECKING:
 CALIBRATED = (100, 200, 400)
 """Numbers of pairs after which the rig's error is estimated, from all pairs of images by then."""
 
-HISTORY = 20
-"""Whether an object moves is seen from the last scans, so many."""
-
 MOST_THREADS, FARTHEST = 64, 1e6
 """Of `StixelStream.steps`; m, of a pose's numbers."""
 
@@ -195,12 +192,12 @@ class StixelStream:
         from stixel_cli.measurements.scans import Scans
         from stixel_cli.tracking.contour.class_size import SIZES
         from stixel_cli.tracking.followed import follow_scan
-        from stixel_cli.tracking.several.clusters import are_one, confirmed
+        from stixel_cli.tracking.several.clusters import RECENT, are_one, confirmed
 
-        if len(self._scans) == HISTORY:
+        if len(self._scans) == RECENT:
             dropped = len(self._scans.popleft().points_world)
             for one in self._tracks:
-                late = (its for its in one.rows.items() if its[0] > k - HISTORY)
+                late = (its for its in one.rows.items() if its[0] > k - RECENT)
                 one.rows = {its_k: rows - dropped for its_k, rows in late}
         self._scans.append(scan)
         # Scans of the whole way; those before the last ones are empty.

@@ -15,16 +15,9 @@ import numpy as np
 from annotated_types import Ge
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle, rotations, wrap_angle
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle, rotations
+from stixel_cli.measurements import tables
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.tables import (
-    indices,
-    read_table,
-    refuse_other_times,
-    refuse_rows,
-    seconds,
-    unit_and_epoch,
-)
 from stixel_cli.parameters import parameters
 from stixel_cli.recordings.kitti_tables import numbers, read_labels, text_rows
 from stixel_cli.recordings.times import unit_rotations
@@ -52,8 +45,6 @@ TABLES, TUM = (".csv", ".npz"), ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 UPRIGHT = 0.8
 """Cosine between the z axes of a trajectory's poses and of its world, below which z is not up."""
-
-FRAMES = ("world", "camera")
 
 
 @parameters
@@ -103,7 +94,7 @@ def track(
     """
     count = len(scans)
     table = rows_of_scans(scans, tracker).reindex(range(count), method="ffill").bfill()
-    means, covariances = states = _states(table, scans, tracker.frame)
+    means, covariances = states = states_of(table, scans, tracker.frame)
     sizes = table[SIZE].to_numpy() if SIZE[0] in table else None
     radii = table[table.columns.intersection(RADII)].to_numpy()
     if radii.size:
@@ -131,7 +122,7 @@ def read_track(file: Path, track_id: int | None) -> "DataFrame":
 
     if file.name.endswith(TABLES):
         groups = (["k"], ["t"], RATES, STDS, VARIANCES, SIZE, *([name] for name in RADII))
-        columns = read_table(file, POSE, groups)
+        columns = tables.read_table(file, POSE, groups)
     else:
         rows = [(row, words) for row, words in text_rows(file) if not words[0].startswith("#")]
         of_tum = bool(rows) and len(rows[0][1]) == len(TUM)
@@ -141,9 +132,9 @@ def read_track(file: Path, track_id: int | None) -> "DataFrame":
     if len(columns["x"]) == 0:
         raise UserError(f"{file}: has no rows, so there is no track")
     for name in columns.keys() & {*SIZE, *RADII}:
-        refuse_rows(file, columns[name] <= 0.0, lambda _, name=name: f"{name} must be > 0")
+        tables.refuse_rows(file, columns[name] <= 0.0, lambda _, name=name: f"{name} must be > 0")
     for name in columns.keys() & {*STDS}:
-        refuse_rows(file, columns[name] < 0.0, lambda _, name=name: f"{name} must be >= 0")
+        tables.refuse_rows(file, columns[name] < 0.0, lambda _, name=name: f"{name} must be >= 0")
     radii = [name for name in RADII if name in columns]
     if radii and (len(radii) < 3 or radii[-1] != RADII[len(radii) - 1]):
         raise UserError(f"{file}: radius_0, radius_1, … must be three or more without a gap")
@@ -186,8 +177,8 @@ def rows_of_scans(scans: Scans, tracker: FileTrackParameters) -> "DataFrame":
     file, times = Path(tracker.path), scans.times
     table, near = read_track(file, tracker.id), 0.5 * intervals(times) + 1e-9
     t = table["t"].to_numpy() if "t" in table else None
-    if t is not None and scans.epoch is not None and unit_and_epoch(t, None)[1] is not None:
-        table["t"] = t = seconds(file, t, None, scans.epoch)
+    if t is not None and scans.epoch is not None and tables.unit_and_epoch(t, None)[1] is not None:
+        table["t"] = t = tables.seconds(file, t, None, scans.epoch)
     if "frame" in table:
         k = table["frame"] - tracker.first_frame
         chosen = (k >= 0) & (k < len(times))
@@ -195,10 +186,10 @@ def rows_of_scans(scans: Scans, tracker: FileTrackParameters) -> "DataFrame":
             raise UserError(f"{file}: the track has no frame from {tracker.first_frame} on")
         return table[chosen].set_index(k[chosen])
     if "k" in table:
-        k = indices(file, "k", table["k"].to_numpy(), len(times))
-        refuse_rows(file, np.bincount(k)[k] > 1, lambda i: f"k = {k[i]} is given twice")
+        k = tables.indices(file, "k", table["k"].to_numpy(), len(times))
+        tables.refuse_rows(file, np.bincount(k)[k] > 1, lambda i: f"k = {k[i]} is given twice")
         if t is not None:
-            refuse_other_times(file, k, t, times[k], near[k])
+            tables.refuse_other_times(file, k, t, times[k], near[k])
         return table.set_index(k).sort_index()
     order = np.argsort(t, kind="stable")
     t = t[order]
@@ -212,7 +203,7 @@ def rows_of_scans(scans: Scans, tracker: FileTrackParameters) -> "DataFrame":
     return table.iloc[order[nearest[k]]].set_index(k)
 
 
-def _states(table: "DataFrame", scans: Scans, frame: str) -> tuple[np.ndarray, np.ndarray]:
+def states_of(table: "DataFrame", scans: Scans, frame: str) -> tuple[np.ndarray, np.ndarray]:
     """Means (n, 6) and covariances (n, 6, 6) in the world of the n rows of a table.
 
     Its index is the scan, and its poses are in the `frame`.
@@ -234,49 +225,3 @@ def _states(table: "DataFrame", scans: Scans, frame: str) -> tuple[np.ndarray, n
         means[:, :3] += sensors - [0.0, 0.0, STRAIGHT_AHEAD]
         covariances = turns @ covariances @ turns.swapaxes(1, 2)
     return means, covariances
-
-
-LEAST_OFFSET, FAR = 0.001, 2.0
-"""Of rows from scans, s; of places from the truth, m: less is no fault of the file."""
-
-
-def track_doubts(
-    tracker: FileTrackParameters, scans: Scans, track: Track, truth: np.ndarray
-) -> list[str]:
-    """What is probably wrong with the file of a track, one line each.
-
-    `track` is that of the file, `truth` (K, 3) the true poses in the world, NaN where unknown.
-    """
-    table, doubts = rows_of_scans(scans, tracker), []
-    missing = len(scans) - len(table)
-    if missing:
-        of_all = f"{missing} of {len(scans)} scans have no row"
-        doubts.append(f"{of_all}: each keeps the previous estimate")
-    if "t" in table:
-        offset = float(np.median(table["t"] - scans.times[table.index]))
-        if abs(offset) > LEAST_OFFSET:
-            doubts.append(f"its times differ by {offset:+.3f} s (median) from those of the scans")
-    if SIZE[0] in table and table["length"].median() < table["width"].median():
-        doubts.append("length and width are probably exchanged")
-    if table["heading"].abs().max() > 4.0 * np.pi:
-        doubts.append("the headings are probably in degrees: must be in radians")
-    table = table[np.isfinite(truth[table.index]).all(axis=1)]
-    if len(table):
-        true, distances = truth[table.index], {}
-        exchanged = table.rename(columns={"x": "y", "y": "x"})
-        for name, rows in (("as they are", table), ("exchanged", exchanged)):
-            for frame in FRAMES:
-                away = _states(rows, scans, frame)[0][:, :2] - true[:, :2]
-                distances[name, frame] = float(np.median(np.hypot(*away.T)))
-        far, best = distances["as they are", tracker.frame], min(distances, key=distances.get)
-        if far > max(FAR, 4.0 * distances[best]):
-            name, frame = best
-            doubts.append(
-                f"with x and y (of KITTI: x and z) {name} and tracker.frame={frame} the median "
-                f"distance to the truth would be {distances[best]:.2g} m instead of {far:.2g} m"
-            )
-        turned = wrap_angle(track.means[table.index, 2] - true[:, 2])
-        angle = 90 * round(np.degrees(np.median(np.abs(turned))) / 90)
-        if angle:
-            doubts.append(f"the headings are probably off by {angle}°")
-    return [f"tracker.path: {Path(tracker.path)}: {doubt}" for doubt in doubts]

@@ -17,15 +17,9 @@ from stixel_cli.measurements.clusters import GAP, cluster
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.parameters import CLASS_ROWS
+from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import gate
-from stixel_cli.tracking.kalman import mixture, update
-from stixel_cli.tracking.motion import (
-    GREATEST_VARIANCE,
-    LEAST_SPEED,
-    intervals,
-    predict_place,
-    transition,
-)
+from stixel_cli.tracking.kalman import CENTROID_STD, mixture, update
 from stixel_cli.tracking.track import InitialState
 
 RAYS_APART = 2.0
@@ -33,17 +27,9 @@ RAYS_APART = 2.0
 are far apart on a distant target, and farther where they graze it. With 1, three of ten have no
 start."""
 
-GATE = 0.99
-"""Chi-square probability of a cluster's distance to a prediction, as of a point's in the trackers.
-With 0.9 there is a false track, with 0.999 starts are worse."""
-
 BEGIN, END = 3, 5
 """A road user moves if so many scans in a row show it: with 2 there are three false tracks, with 4
 a car is not found. A track ends after so many without its cluster: with 3 starts are worse."""
-
-PLACE = 0.3
-"""Standard deviation of a cluster's centroid from scan to scan, m: another part is seen. With 0.15
-a car is not found, with 0.6 starts are worse."""
 
 ACCELERATION = 3.0
 """Process noise, m/s^1.5, as of `tracker=point`. With 1 there are two false tracks."""
@@ -157,7 +143,7 @@ class OpenTrack:
 
 def least_speed(of_sensor: float) -> float:
     """The speed, m/s, of the slowest road user that moves, given that of the sensor."""
-    return LEAST_SPEED + OF_SENSOR * of_sensor
+    return motion.LEAST_SPEED + OF_SENSOR * of_sensor
 
 
 def clusters_of(scans: Scans, k: int, longest: float) -> list[np.ndarray]:
@@ -188,12 +174,14 @@ def follow_scan(tracks: list[OpenTrack], scans: Scans, k: int, sizes: np.ndarray
     clusters = clusters_of(scans, k, LARGEST * float(np.hypot(*sizes.T).max()))
     places = [scans.points_world[rows].mean(axis=0) for rows in clusters]
     noise = [
-        PLACE**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
+        CENTROID_STD**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
         for rows in clusters
     ]
-    alive, interval = [one for one in tracks if one.is_alive(k)], intervals(scans.times)[k]
+    alive, interval = [one for one in tracks if one.is_alive(k)], motion.intervals(scans.times)[k]
     for one in alive:
-        one.mean, one.covariance = predict_place(one.mean, one.covariance, interval, ACCELERATION)
+        one.mean, one.covariance = motion.predict_place(
+            one.mean, one.covariance, interval, ACCELERATION
+        )
     pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
     for i, j in pairs.items():
         one, innovation = alive[i], places[j] - alive[i].mean[:2]
@@ -228,7 +216,7 @@ def assign(
     away = np.array(places) - means[:, None, :2]
     squared = np.sum(away * np.linalg.solve(spread, away[..., None])[..., 0], axis=2)
     # A pair is worth more than all that pairs cost.
-    costs = np.where(squared <= gate(GATE, 2), squared + np.log(np.linalg.det(spread)) - 1e3, 0.0)
+    costs = np.where(squared <= gate(2), squared + np.log(np.linalg.det(spread)) - 1e3, 0.0)
     found = zip(*linear_sum_assignment(costs), strict=True)
     return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
 
@@ -260,7 +248,7 @@ def state_of(
     states = [_state_of(scans, one, size, start) for size in sizes]
     means, covariances, times = (np.stack(part) for part in zip(*states, strict=True))
     mean, covariance = mixture(np.full(len(sizes), 1.0 / len(sizes)), means, covariances)
-    back = transition(scans.times[first] - intervals(scans.times)[first] - times[0])
+    back = motion.transition(scans.times[first] - motion.intervals(scans.times)[first] - times[0])
     return InitialState(back @ mean, back @ covariance @ back.T)
 
 
@@ -276,9 +264,9 @@ def _state_of(
         heading, velocity = sensors[ks[0], 2], line(scans.times[near], sensors[near, :2])[1]
     else:
         velocity, _ = one.velocity(scans)
-        headed = float(np.hypot(*velocity)) >= LEAST_SPEED
+        headed = float(np.hypot(*velocity)) >= motion.LEAST_SPEED
         heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(points)
-        stds[2] = stds[2] if headed else np.sqrt(GREATEST_VARIANCE)
+        stds[2] = stds[2] if headed else np.sqrt(motion.GREATEST_VARIANCE)
     centres = [
         _centre(each, sensors[k, :2], heading, size) for k, each in zip(ks, points, strict=True)
     ]

@@ -120,7 +120,7 @@ def six_states(
     heading: tuple[float, float],
     interval: float,
     sigma_q: float,
-    least_speed: float,
+    least_speed: float = LEAST_SPEED,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (6,) and covariance (6, 6) of x, y, heading and their rates, as a track has them.
 
@@ -154,7 +154,9 @@ def six_states(
     return states, spread
 
 
-def turn_rate_variance(speed: float, interval: float, sigma_q: float, least_speed: float) -> float:
+def turn_rate_variance(
+    speed: float, interval: float, sigma_q: float, least_speed: float = LEAST_SPEED
+) -> float:
     """Variance, rad²/s², of a velocity's mean turn rate over an `interval` in s.
 
     sigma_q² / (T v²), by a white acceleration across the motion, with a `speed` v, m/s, of at least

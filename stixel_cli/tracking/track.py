@@ -62,7 +62,7 @@ class Track:
             prior's is unknown, or reported at all scans.
         uses_scans: whether the tracker is one that uses points at all.
         lag: number of later scans that the estimates use, 0 for a filter, None for all of the run.
-        smoothed: the track whose estimates also use later scans, see `smoothing.py`, beside that of
+        smoothed: the track whose estimates also use later scans, see `kalman.py`, beside that of
             a filter, whose points, NIS and classes it has; None without.
     """
 

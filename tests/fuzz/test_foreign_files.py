@@ -29,7 +29,8 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.recordings.image_files import image_size, read_image
 from stixel_cli.rendering.images import eight_bits
 from stixel_cli.scene.mesh_file import load_mesh
-from stixel_cli.tracking.file import FileTrackParameters, track, track_doubts
+from stixel_cli.tracking.file import FileTrackParameters, track
+from stixel_cli.validation.track_doubts import track_doubts
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from made_argoverse import make_log

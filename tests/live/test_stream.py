@@ -8,10 +8,10 @@ from rendered_clip import assert_same, results_of_run
 from stixel_cli import StixelStream, compose
 from stixel_cli.errors import ArgumentError
 from stixel_cli.live.pairs import FRAME
-from stixel_cli.live.stream import HISTORY
 from stixel_cli.recordings.image_files import grey, read_image
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.tracking.followed import LEAST_SCANS
+from stixel_cli.tracking.several.clusters import RECENT
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_a_wall_that_drives_away_gets_a_track_and_one_that_stands_does_not(monke
     images = np.zeros((2, 240, 320), np.uint8)
     for speed, expected in ((0.0, 0), (8.0, 1)):
         stream = StixelStream(rig)
-        for k in range(HISTORY + 5):
+        for k in range(RECENT + 5):
 
             def match(pair, rig, place=8.0 + 0.1 * speed * k):
                 raw = disparities_of_a_wall(rig, place)

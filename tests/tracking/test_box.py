@@ -6,8 +6,7 @@ from tracking_cases import CAR, START, scans_of
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.tracking.baselines.box import BoxParameters, track, visible_centroid
 
-STDS = {"measurement_std": 0.1, "centroid_std": 0.1}
-TRACKER = BoxParameters("box", use_scans=True, sigma_q=1.0, gate=1.0, least_speed=0.5, **STDS)
+TRACKER = BoxParameters("box", use_scans=True, sigma_q=1.0, measurement_std=0.1)
 HALF = np.array([2.1, 0.85])
 
 

@@ -55,7 +55,7 @@ def paper(scans, initial, prior, tracker):
             r = scans.covariances_world[scans.rows(k)].mean(axis=0)
             centre = measured_centre(y, scans.sensor_poses_world[k, :2], tracker.centre)
             big_x = scale / (v - 6.0)
-            big_y = tracker.scatter * big_x + r
+            big_y = 2.0 / 3.0 * big_x + r
             s = h @ p @ h.T + big_y / len(y)
             gain, e = p @ h.T @ np.linalg.inv(s), centre - h @ x
             root = np.real(sqrtm(big_x))

@@ -15,8 +15,8 @@ from stixel_cli.tracking.baselines import point
 from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
+from stixel_cli.tracking.kalman import Step, smooth
 from stixel_cli.tracking.motion import MOVING, process_noise, transition
-from stixel_cli.tracking.smoothing import Step, smooth
 
 COUNT, SIZE = 12, 3
 LAGS = (0, 1, 3, COUNT - 1, COUNT + 5, None)
@@ -160,9 +160,11 @@ def test_of_one_side_the_smoothed_track_states_the_covariance_of_the_filter():
 
 
 def test_the_smoothed_point_is_the_joint_posterior():
-    tracker = dataclasses.replace(TRACKERS["point"], gate_probability=None, lag=None)
+    tracker = dataclasses.replace(TRACKERS["point"], lag=None)
     seen = seen_car(COUNT, 30)
-    found = point.track(scans_of(seen), START, CAR, tracker).smoothed
+    whole = point.track(scans_of(seen), START, CAR, tracker)
+    assert len(whole.used_points) == 30 * COUNT
+    found = whole.smoothed
     radius, _ = point.class_circle(CAR)
     lone = (0.25 * radius**2 + tracker.measurement_std**2) / 30
     chosen = np.ix_(MOVING, MOVING)
@@ -176,7 +178,7 @@ def test_the_smoothed_point_is_the_joint_posterior():
         row[:, 4 * k : 4 * k + 4], row[:, 4 * k + 4 : 4 * k + 8] = -matrix, np.eye(4)
         information += row.T @ np.linalg.inv(noise) @ row
         place = slice(4 * k + 4, 4 * k + 6)
-        variance = (tracker.centroid_offset * radius) ** 2 + lone
+        variance = (point.CENTROID_OFFSET * radius) ** 2 + lone
         information[place, place] += np.eye(2) / variance
         pull[place] += seen[k].mean(axis=0) / variance
     expected = np.linalg.solve(information, pull).reshape(-1, 4)[1:]

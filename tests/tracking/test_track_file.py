@@ -14,7 +14,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import ego_from_world
 from stixel_cli.tracking.file import FileTrackParameters, rows_of_scans, track
-from stixel_cli.tracking.file import track_doubts as doubts_of
+from stixel_cli.validation.track_doubts import track_doubts as doubts_of
 
 COUNT = 11
 TIMES = 0.1 * np.arange(COUNT)

@@ -14,8 +14,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.mesh import Part
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour.class_shape import HEIGHTS, visible_table
-from stixel_cli.tracking.contour.class_size import ClassSize
-from stixel_cli.tracking.contour.user_shape import OPTIONAL
+from stixel_cli.tracking.contour.class_size import CLASS_SHAPES, ClassSize
 from stixel_cli.validation.visible_shape import (
     class_shape_of,
     height_insets_of,
@@ -144,7 +143,7 @@ def test_above_its_bonnet_a_car_ends_farther_inside():
     np.testing.assert_allclose(front[:, 8], [1.2, 0.0], atol=1e-9)
     of_all = height_insets_of([[saloon, van]])
     np.testing.assert_allclose(of_all[0, :, 8], [0.5, 0.0], atol=1e-9)
-    assert of_all.size == OPTIONAL["height_insets"]
+    assert of_all.size == len(CLASS_SHAPES["car"]["height_insets"])
 
 
 def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):

@@ -14,13 +14,13 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from stixel_cli.geometry.pose import rotation, target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.baselines.rectangle_contour import contours_of
-from stixel_cli.tracking.kalman import update
+from stixel_cli.tracking.kalman import CENTROID_STD, update
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, predict_place, six_states
 from stixel_cli.tracking.prior import PriorShape
@@ -35,18 +35,19 @@ class BoxParameters:
         use_scans: false: predict only.
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
         measurement_std: standard deviation of a point along each axis, m.
-        centroid_std: standard deviation of the centroid's place on the visible sides, m.
-        gate: points this far outside the predicted box are not used, m.
-        least_speed: below this speed, m/s, the heading is kept as it was.
     """
 
     kind: Literal["box"]
     use_scans: bool
     sigma_q: Annotated[float, Ge(0), Le(100)]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
-    centroid_std: Annotated[float, Ge(0), Le(10)]
-    gate: Annotated[float, Ge(0), Le(100)]
-    least_speed: Annotated[float, Gt(0), Le(100)]
+
+
+BESIDE = 1.0
+"""Points this far outside of the predicted box are not used, m."""
+
+HEADED = 3.0
+"""Below this speed, m/s, the heading is kept: the noise of the velocity would turn it."""
 
 
 def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxParameters) -> Track:
@@ -58,23 +59,23 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
     heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
     size = np.array([prior.length, prior.width])
     half, of_size = 0.5 * size, np.diag((size * [prior.length_std, prior.width_std]) ** 2)
-    motion, filtered, nis = (tracker.sigma_q, tracker.least_speed), Filtered(scans, 8), np.nan
+    motion, filtered, nis = (tracker.sigma_q, HEADED), Filtered(scans, 8), np.nan
     for scan in filtered:
         mean, covariance = predict_place(mean, covariance, scan.interval, tracker.sigma_q)
         states, _ = six_states(mean, covariance, heading, scan.interval, *motion)
         points = target_from_world(scan.points, states[:3])
-        inside = (np.abs(points) <= half + tracker.gate).all(axis=1) & tracker.use_scans
+        inside = (np.abs(points) <= half + BESIDE).all(axis=1) & tracker.use_scans
         if inside.any():
             sensor = target_from_world(scan.sensor[None, :2], states[:3])[0]
             expected = visible_centroid(half, sensor)
             turn = rotation(states[2])
             innovation = turn @ (points[inside].mean(axis=0) - expected)
             matrix = np.eye(2, 4)
-            if np.hypot(*mean[2:]) >= tracker.least_speed:
+            if np.hypot(*mean[2:]) >= HEADED:
                 # The heading turns the visible sides about the centre.
                 aside = turn @ np.array([-expected[1], expected[0]])
                 matrix[:, 2:] = np.outer(aside, [-mean[3], mean[2]]) / (mean[2:] @ mean[2:])
-            variance = tracker.centroid_std**2 + tracker.measurement_std**2 / inside.sum()
+            variance = CENTROID_STD**2 + tracker.measurement_std**2 / inside.sum()
             mean, covariance, nis = update(
                 mean, covariance, innovation, variance * np.eye(2), matrix
             )
@@ -96,15 +97,9 @@ def visible_centroid(half: np.ndarray, sensor: np.ndarray) -> np.ndarray:
         half: (2,) m, half of the length and of the width.
         sensor: (2,) m, its place in the target's frame. Inside the box it sees no side: the centre.
     """
-    total, weight = np.zeros(2), 0.0
-    for axis in (0, 1):
-        if abs(sensor[axis]) <= half[axis]:
-            continue
-        middle = np.zeros(2)
-        middle[axis] = np.copysign(half[axis], sensor[axis])
-        along = np.zeros(2)
-        along[1 - axis] = half[1 - axis]
-        one, other = middle + along - sensor, middle - along - sensor
-        angle = np.arctan2(abs(one[0] * other[1] - one[1] * other[0]), one @ other)
-        total, weight = total + angle * middle, weight + angle
-    return total / weight if weight > 0.0 else total
+    seen = np.abs(sensor) > half
+    middles, along = np.diag(np.copysign(half, sensor)), np.diag(half)[::-1]
+    one, other = middles + along - sensor, middles - along - sensor
+    across = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    angles = np.where(seen, np.arctan2(np.abs(across), (one * other).sum(axis=1)), 0.0)
+    return angles @ middles / angles.sum() if seen.any() else np.zeros(2)

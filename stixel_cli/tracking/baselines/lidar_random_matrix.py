@@ -24,7 +24,7 @@ from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, rectangle_states
 from stixel_cli.tracking.kalman import update
 from stixel_cli.tracking.loop import Filtered
-from stixel_cli.tracking.motion import LEAST_SPEED, MOVING, predict_place, turn_rate_variance
+from stixel_cli.tracking.motion import MOVING, predict_place, turn_rate_variance
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -38,8 +38,6 @@ class LidarRandomMatrixParameters:
             right to left (Steuernagel, Thormann, Baum 2024); `midpoints`, from a line through the
             midpoints of pairs of points (Li, Chen, You, Qiu 2023).
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
-        scatter: z, the points' scatter about the centre over the squared half sizes: 2/3 for
-            points even on two sides.
         prior_weight: alpha of the class's size at the start, a number of points.
         forgetting_time: tau, s: how fast alpha falls.
         gate_probability: chi-square probability of the association's gate; null takes every point.
@@ -48,11 +46,13 @@ class LidarRandomMatrixParameters:
     kind: Literal["lidar_random_matrix"]
     centre: Literal["ends", "midpoints"]
     sigma_q: Annotated[float, Ge(0), Le(100)]
-    scatter: Annotated[float, Gt(0), Le(1)]
     prior_weight: Annotated[float, Ge(1), Le(1e6)]
     forgetting_time: Annotated[float, Gt(0), Le(1e6)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
 
+
+SCATTER = 2.0 / 3.0
+"""z, the scatter about the centre of points even on two sides, over the squared half sizes."""
 
 FEWEST_PAIRS = 4
 """With fewer pairs of points there is no line through their midpoints: the mean of the points."""
@@ -88,7 +88,7 @@ def track(
             points, noise = scan.points[indices], scan.covariances[indices].mean(axis=0)
             centre = measured_centre(points, scan.sensor[:2], tracker.centre)
             wide = (weight + 3.0) / weight * extension
-            scattered = tracker.scatter * wide + noise
+            scattered = SCATTER * wide + noise
             innovation, noise = centre - mean[:2], scattered / len(points)
             wide = update_extension(
                 wide, weight, (innovation, covariance[:2, :2] + noise), (points - centre, scattered)
@@ -97,7 +97,7 @@ def track(
             weight += len(points)
             extension = weight / (weight + 3.0) * wide
         speed = float(np.hypot(*mean[2:]))
-        turning = turn_rate_variance(speed, scan.interval, tracker.sigma_q, LEAST_SPEED)
+        turning = turn_rate_variance(speed, scan.interval, tracker.sigma_q)
         states = rectangle_states(
             (mean, covariance), _shape_of(extension, weight), heading, turning
         )

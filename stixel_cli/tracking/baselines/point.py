@@ -12,23 +12,15 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Le
 
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
+from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.kalman import update
+from stixel_cli.tracking.kalman import Step, smooth, update
 from stixel_cli.tracking.loop import Filtered
-from stixel_cli.tracking.motion import (
-    GREATEST_VARIANCE,
-    MOVING,
-    intervals,
-    predict_place,
-    six_states,
-    transition,
-)
 from stixel_cli.tracking.prior import EVEN, PriorShape, prior_radii
-from stixel_cli.tracking.smoothing import Step, smooth
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
 
 
@@ -39,20 +31,18 @@ class PointParameters:
     Attributes:
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
         measurement_std: standard deviation of a point along each axis, m.
-        centroid_offset: standard deviation, along each axis, of the distance from the centre to the
-            centroid of the visible side, in radii of the circle.
-        gate_probability: chi-square probability of the association's gate; null takes every point.
-        least_speed: below this speed, m/s, the heading is kept as it was.
         lag: later scans that a second, smoothed track uses; 0: there is none; null: all of the run.
     """
 
     kind: Literal["point"]
     sigma_q: Annotated[float, Ge(0), Le(100)]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
-    centroid_offset: Annotated[float, Ge(0), Le(10)]
-    gate_probability: Annotated[float, Gt(0), Lt(1)] | None
-    least_speed: Annotated[float, Gt(0), Le(100)]
     lag: Annotated[int, Ge(0)] | None
+
+
+CENTROID_OFFSET = 0.7
+"""Standard deviation, along each axis, of the distance from the centre to the centroid of the
+visible side, in radii of the circle."""
 
 
 def class_circle(prior: PriorShape) -> tuple[float, float]:
@@ -76,32 +66,39 @@ def track(
     the NIS has two degrees of freedom.
     """
     radius, std = class_circle(prior)
-    mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
+    mean, covariance = (
+        initial.mean[motion.MOVING],
+        initial.covariance[np.ix_(motion.MOVING, motion.MOVING)],
+    )
     lone = 0.25 * radius**2 + tracker.measurement_std**2
 
     filtered, nis = Filtered(scans, 4), np.nan
     steps: list[Step] = []
     for scan in filtered:
-        mean, covariance = predicted = predict_place(
+        mean, covariance = predicted = motion.predict_place(
             mean, covariance, scan.interval, tracker.sigma_q
         )
         spread = covariance[:2, :2] + lone * np.eye(2)
-        indices = associate(scan.points, mean[:2], spread, tracker.gate_probability)
+        indices = associate(scan.points, mean[:2], spread)
         if len(indices):
-            variance = (tracker.centroid_offset * radius) ** 2 + lone / len(indices)
+            variance = (CENTROID_OFFSET * radius) ** 2 + lone / len(indices)
             innovation = scan.points[indices].mean(axis=0) - mean[:2]
             mean, covariance, nis = update(mean, covariance, innovation, variance * np.eye(2))
-        matrix = transition(scan.interval)[np.ix_(MOVING, MOVING)]
+        matrix = motion.transition(scan.interval)[np.ix_(motion.MOVING, motion.MOVING)]
         steps.append(Step(mean, covariance, *predicted, steps[-1] if steps else None, matrix))
         filtered.add(mean, covariance, indices, nis, degrees=2)
 
     def reported(means: np.ndarray, covariances: np.ndarray) -> Track:
         """The track of K estimates of place and velocity, with the circle as its contour."""
         states, spreads = np.empty((len(scans), 6)), np.empty((len(scans), 6, 6))
-        heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
-        motion = tracker.sigma_q, tracker.least_speed
-        for k, interval in enumerate(intervals(scans.times)):
-            states[k], spreads[k] = six_states(means[k], covariances[k], heading, interval, *motion)
+        heading = (
+            float(initial.mean[2]),
+            min(float(initial.covariance[2, 2]), motion.GREATEST_VARIANCE),
+        )
+        for k, interval in enumerate(motion.intervals(scans.times)):
+            states[k], spreads[k] = motion.six_states(
+                means[k], covariances[k], heading, interval, tracker.sigma_q
+            )
             heading = (states[k, 2], spreads[k, 2, 2])
         _, directions = contour_directions(states[:, 2])
         shift = shift_variances(directions, spreads)

@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Le
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import rotation, world_from_target, wrap_angle
@@ -23,17 +23,9 @@ from stixel_cli.tracking.motion import MOVING, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, directions_of
 
-Name = Literal[
-    "full_scgp",
-    "decorrelated_scgp",
-    "ekf_spline",
-    "fourier_rhm",
-    "mem_qkf",
-    "mem_ekf_star",
-    "vbrm",
-    "ggiw",
-    "factorised_giw",
-]
+STAR_CONVEX = ("full_scgp", "decorrelated_scgp", "ekf_spline")
+ELLIPSES = ("mem_qkf", "mem_ekf_star", "vbrm", "ggiw", "factorised_giw")
+Name = Literal[(*STAR_CONVEX, "fourier_rhm", *ELLIPSES)]
 
 
 @parameters
@@ -47,7 +39,6 @@ class PyRecEstParameters:
         measurement_std: m, along each axis, added to the covariance of each point of the scan:
             errors that neighbouring points share.
         basis_points: of the Gaussian process, and control points of the spline.
-        gate_probability: chi-square probability of the association's gate; null takes every point.
     """
 
     kind: Literal["pyrecest"]
@@ -56,7 +47,6 @@ class PyRecEstParameters:
     sigma_q_psi: Annotated[float, Ge(0), Le(100)]
     measurement_std: Annotated[float, Ge(0), Le(10)]
     basis_points: Annotated[int, Ge(4), Le(200)]
-    gate_probability: Annotated[float, Gt(0), Lt(1)] | None
 
 
 HARMONICS = 4
@@ -86,9 +76,8 @@ def track(
         UserError: if PyRecEst is not installed.
         ValueError: if it fails, such as after a gap of days.
     """
-    kinds = dict.fromkeys(("full_scgp", "decorrelated_scgp", "ekf_spline"), _StarConvex)
-    kind = (kinds | {"fourier_rhm": _FourierSeries}).get(tracker.name, _Ellipse)
-    adapted = kind(initial, prior, tracker)
+    kinds = dict.fromkeys(STAR_CONVEX, _StarConvex) | dict.fromkeys(ELLIPSES, _Ellipse)
+    adapted = kinds.get(tracker.name, _FourierSeries)(initial, prior, tracker)
     size = np.diag([prior.length**2, prior.width**2]) / 12.0
     added, least = tracker.measurement_std**2 * np.eye(2), 1
     if tracker.name == "factorised_giw":
@@ -101,7 +90,7 @@ def track(
             mean, covariance = adapted.estimate()
             turn, noises = rotation(mean[2]), scan.covariances + added
             spread = covariance[:2, :2] + turn @ size @ turn.T + noises
-            near = associate(scan.points, mean[:2], spread, tracker.gate_probability)
+            near = associate(scan.points, mean[:2], spread)
             near = near if len(near) >= least else near[:0]
             if len(near):
                 adapted.update(scan.points[near], noises[near])
@@ -275,12 +264,11 @@ class _Ellipse(_Adapted):
         if self._name == "factorised_giw":
             self._filter.predict(interval, noise, system_matrix=matrix)
             return
-        of_mem = {"shape_sys_noise": np.diag([turned, 0.0, 0.0])}
-        other = {
+        of_shape = {
             "ggiw": {"extent_forgetting_factor": 0.98},
             "vbrm": {"orientation_sys_noise": turned},
-        }
-        self._filter.predict_linear(matrix, noise, **other.get(self._name, of_mem))
+        }.get(self._name, {"shape_sys_noise": np.diag([turned, 0.0, 0.0])})
+        self._filter.predict_linear(matrix, noise, **of_shape)
 
     def update(self, points: np.ndarray, noises: np.ndarray) -> None:
         # Two points are read as columns.

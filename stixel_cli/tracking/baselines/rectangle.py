@@ -10,7 +10,7 @@ slip. Equations: `docs/theory.md`, "The rectangle".
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView, Scans
@@ -35,7 +35,6 @@ class RectangleParameters:
         measurement_std: m, along each axis, added to the covariance of each point.
         side_std: standard deviation, m, of an error that all points on a side share in a scan.
         corner_std: standard deviation, m, of the place across the ray where the target ends.
-        gate_probability: chi-square probability of the gates; null takes every point.
     """
 
     kind: Literal["rectangle"]
@@ -45,7 +44,6 @@ class RectangleParameters:
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     side_std: Annotated[float, Ge(1e-6), Le(10)]
     corner_std: Annotated[float, Ge(1e-6), Le(10)]
-    gate_probability: Annotated[float, Gt(0), Lt(1)] | None
 
 
 LEAST_SIZE = 0.1
@@ -93,19 +91,12 @@ def track(
         turn = rotation(mean[2])
         area = turn @ np.diag(mean[6:] ** 2 / 12.0) @ turn.T
         spread = covariance[:2, :2] + area + noises
-        indices = associate(scan.points, mean[:2], spread, tracker.gate_probability)
+        indices = associate(scan.points, mean[:2], spread)
         if len(indices):
-            measured = measure(
-                mean,
-                scan.points[indices],
-                noises[indices],
-                scan.sensor,
-                fullness,
-                tracker,
-                scans.field_of_view,
-            )
+            seen = scan.points[indices], noises[indices], scan.sensor
+            measured = measure(mean, *seen, fullness, tracker, scans.field_of_view)
             whole = np.pad(covariance, (0, 4)) + of_sides
-            kept = inside(whole, measured, tracker.gate_probability)
+            kept = inside(whole, measured)
             indices = indices[kept[: len(indices)]]
         if len(indices):
             measured = Rows(*(part[kept] for part in measured))
@@ -202,10 +193,10 @@ def _ends(
     return Rows(innovations[kept], matrix[kept], variances[kept])
 
 
-def inside(covariance: np.ndarray, rows: Rows, probability: float | None) -> np.ndarray:
+def inside(covariance: np.ndarray, rows: Rows) -> np.ndarray:
     """Which rows (m,) have an innovation inside the gate; `covariance` as of `update`."""
     spread = np.einsum("mi,ij,mj->m", rows.matrix, covariance, rows.matrix) + rows.variances
-    return rows.innovations**2 <= gate(probability, 1) * spread
+    return rows.innovations**2 <= gate(1) * spread
 
 
 def update(

@@ -57,8 +57,8 @@ from stixel_cli.tracking.contour.contour_update import (
     constant_errors,
 )
 from stixel_cli.tracking.contour.residual import Residual
+from stixel_cli.tracking.kalman import smooth
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.smoothing import smooth
 from stixel_cli.tracking.track import OTHER, InitialState, Track
 
 SIZE_TIME = 10.0

@@ -17,8 +17,7 @@ from stixel_cli.tracking.contour.contour_rays import (
     sampling_inset,
 )
 from stixel_cli.tracking.contour.ray_kernels import Measured, Rows, rows_at
-from stixel_cli.tracking.kalman import correct, normalised_innovation_squared
-from stixel_cli.tracking.smoothing import Step
+from stixel_cli.tracking.kalman import Step, correct, normalised_innovation_squared
 
 SEEN = np.array([0, 1, 2, 5, 6])
 """Indices of the states that a ray sees: the pose and the two sizes."""

@@ -9,29 +9,21 @@ import shapely
 from stixel_cli.border.files import read_json, remembered
 from stixel_cli.errors import UserError
 from stixel_cli.measurements.tables import read_table
+from stixel_cli.tracking.contour.class_size import CLASS_SHAPES
 
 MOST_VERTICES = 1000
 
 LONGEST = 30.0
 """Of a road user, m."""
 
-SENSORS = ("stixels", "lidar", "outline")
-"""What a class file may say the visible shape for; `outline` is a sensor of the outline itself."""
-
 RADII = 360
 """Numbers of a class's outline: a wheel's width is seen under 3 degrees."""
 
-COUNTS = {"size": 2, "size_stds": 2, "radii": RADII, "modes": 12 * 120, "limb_modes": 6 * 120}
-OPTIONAL = {"height_insets": 96}
-COUNTS_OF_SENSOR = {
-    "depth_biases": 216,
-    "depth_stds": 216,
-    "insets": 48,
-    "inset_stds": 48,
-    "bias_per_std": None,
-    "std_factor": None,
-}
-"""Numbers of each entry of a class file, see `class_shape.py`; None: a single one."""
+SENSORS = ("stixels", "lidar", "outline")
+"""What a class file may say the visible shape for; `outline` is a sensor of the outline itself."""
+
+OPTIONAL = (*SENSORS, "height_insets")
+"""Entries that a class file may lack."""
 
 
 @remembered
@@ -67,31 +59,31 @@ def read_class(file: Path) -> dict[str, Any]:
         UserError: in one line that names the file and what is wrong.
     """
     known = read_json(file)
-    counts = COUNTS | {name: count for name, count in OPTIONAL.items() if name in known}
-    _check_entries(file, "", known, counts, (*counts, *SENSORS))
+    _check_entry(file, "", known, CLASS_SHAPES["car"])
     if min(known["size"]) < 100 or min(known["size_stds"]) < 1 or min(known["radii"]) < 1:
         raise UserError(f"{file}: size must be at least 100 mm, size_stds and radii at least 1")
-    for sensor in SENSORS:
-        if sensor in known:
-            if not isinstance(known[sensor], dict):
-                raise UserError(f"{file}: {sensor}: must map names to numbers")
-            _check_entries(file, f"{sensor}.", known[sensor], COUNTS_OF_SENSOR, COUNTS_OF_SENSOR)
-            stds = [*known[sensor]["depth_stds"], *known[sensor]["inset_stds"]]
-            if min(stds) < 0 or known[sensor]["std_factor"] <= 0:
-                raise UserError(f"{file}: {sensor}: stds must be ≥ 0 and std_factor > 0")
+    for sensor in (one for one in SENSORS if one in known):
+        seen = known[sensor]
+        if min(seen["depth_stds"] + seen["inset_stds"]) < 0 or seen["std_factor"] <= 0:
+            raise UserError(f"{file}: {sensor}: stds must be ≥ 0 and std_factor > 0")
     return known
 
 
-def _check_entries(file: Path, within: str, known: Any, counts: Any, allowed: Any) -> None:
-    unknown = [name for name in known if name not in allowed]
-    if unknown:
-        raise UserError(f"{file}: {within}{unknown[0][:40]}: not an entry of a class file")
-    for name, count in counts.items():
-        values = known.get(name)
-        numbers = values if isinstance(values, list) else [values]
-        right = isinstance(values, list) == (count is not None) and len(numbers) == (count or 1)
-        if not right or not all(
-            type(one) in (int, float) and abs(one) <= 1000.0 * LONGEST for one in numbers
-        ):
-            what = "a number" if count is None else f"{count} numbers"
-            raise UserError(f"{file}: {within}{name}: must be {what} within ±{1000 * LONGEST:g}")
+def _check_entry(file: Path, name: str, value: Any, like: Any) -> None:
+    """Raise UserError unless an entry has the names, or as many numbers, as ours, `like`."""
+    if isinstance(like, dict):
+        if not isinstance(value, dict):
+            raise UserError(f"{file}: {name}: must map names to numbers")
+        within = f"{name}." if name else ""
+        for unknown in (one for one in value if one not in like):
+            raise UserError(f"{file}: {within}{unknown[:40]}: not an entry of a class file")
+        for inner in (one for one in like if one in value or one not in OPTIONAL):
+            _check_entry(file, within + inner, value.get(inner), like[inner])
+        return
+    numbers, known = (one if isinstance(one, list) else [one] for one in (value, like))
+    right = isinstance(value, list) == isinstance(like, list) and len(numbers) == len(known)
+    if not right or not all(
+        type(one) in (int, float) and abs(one) <= 1000.0 * LONGEST for one in numbers
+    ):
+        what = f"{len(known)} numbers" if isinstance(like, list) else "a number"
+        raise UserError(f"{file}: {name}: must be {what} within ±{1000 * LONGEST:g}")

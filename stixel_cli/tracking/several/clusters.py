@@ -14,14 +14,7 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.clusters import GAP
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.contour.class_size import possible_sizes
-from stixel_cli.tracking.followed import (
-    BEGIN,
-    LARGEST,
-    OpenTrack,
-    ScansStart,
-    follow,
-    state_of,
-)
+from stixel_cli.tracking.followed import BEGIN, LARGEST, OpenTrack, ScansStart, follow, state_of
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import FoundTrack, InitialState
 
