@@ -107,19 +107,18 @@ def track(
     covariance = block_diag(initial.covariance, process.covariance)
     filtered = Filtered(scans, len(mean))
     steps: list[Step] = []
-    forgetting = tracker.forgetting_rate
 
     @cache
     def moved(interval: float) -> tuple[np.ndarray, np.ndarray]:
         """The pose's process noise, and the transition of all states."""
-        kept = np.exp(-forgetting * interval) * np.eye(tracker.basis_points)
+        kept = np.exp(-tracker.forgetting_rate * interval) * np.eye(tracker.basis_points)
         noise = motion.process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
         return noise, block_diag(motion.transition(interval), kept)
 
     for scan in filtered:
         interval, (noise, transition) = scan.interval, moved(scan.interval)
         mean, covariance = predicted = motion.predict(
-            mean, covariance, interval, noise, forgetting, process
+            mean, covariance, interval, noise, tracker.forgetting_rate, process
         )
         if stated:
             stated.predict(transition[:6, :6], noise, interval)

@@ -17,11 +17,7 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.background import Background
-from stixel_cli.tracking.contour.class_shape import (
-    MODE_ANGLES,
-    class_shape,
-    outline_modes,
-)
+from stixel_cli.tracking.contour.class_shape import MODE_ANGLES, class_shape, outline_modes
 from stixel_cli.tracking.contour.contour_rays import (
     FACES,
     Rays,
@@ -152,19 +148,20 @@ class OneSide:
         """The model of the points of `rays`, at the places where they most likely were.
 
         At a noisy point itself the radius and its slope are those of another place: with noise of
-        half of the target's size the near side moves away. So each is taken between the point and
-        where its ray meets the contour, by the point's variance and that of the `position` (2, 2)
-        m² along the ray; the residual is that of the point, linear from there.
+        half of the target's size the near side moves away. So each is taken between where its ray
+        meets the contour and the point, by the variances of the `position` (2, 2) m² along the ray
+        and of the point, at most half way to the centre: beyond it the far side fits as well. The
+        residual is that of the point, linear from there.
         """
-        corners = np.maximum(mean[6:], 0.0)[:, None] * self._process.basis_directions
+        radii, directions = np.maximum(mean[6:], 0.0), rays.directions
+        corners = radii[:, None] * self._process.basis_directions
         contour = mean[:2] + corners @ rotation(mean[2]).T
-        sensors = np.full_like(rays.directions, rays.sensor[:2])
-        ranges = first_hits(contour, sensors, rays.directions)
-        directions, variances = rays.directions, (self.std_factor * rays.stds) ** 2
+        ranges = first_hits(contour, np.full_like(directions, rays.sensor[:2]), directions)
         of_position = ((directions @ position) * directions).sum(axis=1)
-        share = variances / (variances + of_position)
-        behind = np.where(np.isfinite(ranges), ranges, rays.ranges) - rays.ranges
-        moved = (share * behind)[:, None] * directions
+        share = of_position / (of_position + (self.std_factor * rays.stds) ** 2)
+        behind = np.where(np.isfinite(ranges), ranges - rays.ranges, 0.0)
+        deep = 0.5 * radii.min()
+        moved = (behind - np.clip(share * behind, -deep, deep))[:, None] * directions
         model = linearise(rays.points_world + moved, mean, self._process)
         return replace(model, residuals=model.residuals - (model.gradients * moved).sum(axis=1))
 

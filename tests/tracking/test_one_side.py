@@ -123,6 +123,18 @@ def test_an_end_that_is_not_seen_is_not_used(hidden):
         assert np.count_nonzero(row[6:56]) == 1
 
 
+def test_points_are_those_of_the_side_that_the_sensor_sees():
+    """On the far side of a contour that is too near, by its width, they do not fit."""
+    _, side = side_of(configured("road_user=car").prior, "fabricated")
+    mean, _ = across(side)
+    rays, width = row_of_points(side, mean, 0.0), 2.0 * side.radii[12:14].mean()
+    far = replace(rays, ranges=rays.ranges + width + (10.0 - width / 2 - 9.8))
+    model = side.linearised(far, mean, position=np.eye(2))
+    slopes = (model.gradients * far.directions).sum(axis=1)
+    assert (slopes < -0.9).all()
+    assert model.residuals / slopes == pytest.approx(width, abs=0.25)
+
+
 @pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
 def test_the_radii_start_as_the_outline_of_the_class(road_user):
     prior = configured(f"road_user={road_user}").prior
