@@ -17,8 +17,11 @@ is remembered once in each square of this side, and a point is there if it is no
 GATE = 3.0
 """Standard deviations of the place by which the target's points may be off."""
 
-_AROUND = np.indices((3, 3)).reshape(2, -1).T - 1
-"""A square and its neighbours, (9, 2): what is nearer than a side is in one of them."""
+_NUMBER = np.array([2.0**26, 1.0])
+"""Times the two whole numbers of a square is one number, in lexicographic order."""
+
+_AROUND = (np.indices((3, 3)).reshape(2, -1).T - 1) @ _NUMBER
+"""From a square to itself and its neighbours: what is nearer than a side is in one of them."""
 
 
 class Background:
@@ -39,7 +42,7 @@ class Background:
             self._learn(points, distances, segments(rays), reach + APART)
         if not len(self._places) or not len(points):
             return np.zeros(len(points), bool)
-        squares = _numbers(np.round(points / APART)[:, None] + _AROUND)
+        squares = (np.round(points / APART) @ _NUMBER)[:, None] + _AROUND
         rows = np.searchsorted(self._squares, squares).clip(max=len(self._squares) - 1)
         return (np.linalg.norm(points[:, None] - self._places[rows], axis=2) < APART).any(axis=1)
 
@@ -50,10 +53,5 @@ class Background:
         nearest = np.full(labels.max() + 1, np.inf)
         np.minimum.at(nearest, labels, distances)
         places = np.concatenate([self._places, points_world[nearest[labels] > reach]])
-        self._squares, first = np.unique(_numbers(np.round(places / APART)), return_index=True)
+        self._squares, first = np.unique(np.round(places / APART) @ _NUMBER, return_index=True)
         self._places = places[first]
-
-
-def _numbers(squares: np.ndarray) -> np.ndarray:
-    """One number (…,) for each square (…, 2), which are whole numbers, in lexicographic order."""
-    return squares @ np.array([2.0**26, 1.0])
