@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from filelock import FileLock
 
 MARK = "CACHEDIR.TAG"
-_SIGNATURE = "Signature: 8a477f597d28d172789f06886806bc55"
-_OWNER = "stixel cache"
+_SIGNATURE, _OWNER = b"Signature: 8a477f597d28d172789f06886806bc55", b"stixel cache"
 
 LARGEST = 16_000_000
 """A larger file of `store_json`, in bytes, is not read."""
@@ -37,19 +36,14 @@ CELLS = "cells"
 """Folder of the modules that are written from a notebook's functions."""
 
 
-def is_marked(folder: Path) -> bool:
-    """Whether the folder says that it is a cache of this program."""
-    with suppress(UserError):
-        lines = read_bytes(folder / MARK, 10_000).splitlines()
-        return lines[:2] == [_SIGNATURE.encode(), _OWNER.encode()]
-    return False
-
-
 def check_owner(folder: Path) -> None:
     """Raise CacheError if the folder has files and is not marked as a cache of this program."""
     # Another process may be marking it at this moment: look for files first, and for the mark last.
     foreign = [path.name for path in inside(folder) if not path.name.startswith(f".{MARK}.")]
-    if foreign and not is_marked(folder):
+    with suppress(UserError):
+        if read_bytes(folder / MARK, 10_000).splitlines()[:2] == [_SIGNATURE, _OWNER]:
+            return
+    if foreign:
         raise CacheError(
             f"the cache {folder} has files that stixel did not make, such as "
             f"{printable(foreign[0])}: choose a new folder (cache.folder or STIXEL_CACHE)"
@@ -65,7 +59,7 @@ def make_folder(root: Path, name: str) -> Path:
     if not mark.exists():
         check_owner(root)
         root.mkdir(parents=True, exist_ok=True)
-        write_whole(mark, f"{_SIGNATURE}\n{_OWNER}\n")
+        write_whole(mark, b"%s\n%s\n" % (_SIGNATURE, _OWNER))
     path = root / name
     path.mkdir(parents=True, exist_ok=True)
     return path

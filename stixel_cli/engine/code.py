@@ -108,14 +108,9 @@ def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
 
 
 class CodeIndex:
-    """Finds the code of stages. Each file is read once: make a new index to see later edits.
+    """Finds the code of stages. Each file is read once: make a new index to see later edits."""
 
-    The store at `store_folder`, if given, may know the digests of files already.
-    """
-
-    def __init__(self, store_folder: Path | None = None):
-        if store_folder is not None:
-            source_files.load_digests(store_folder)
+    def __init__(self):
         self._walk = cache(_Walk)
 
     def code(self, roots: Iterable[str], folders: tuple[Path, ...] = ()) -> Code:

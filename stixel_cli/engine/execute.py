@@ -106,10 +106,10 @@ def execute(
         KeyError: no such target.
     """
     progress = Progress() if progress is None else progress
-    with Lease(store.folder, sorted(graph.ancestors(graph.expand(targets)))) as lease:
+    with Lease(store.folder, sorted(graph.ancestors(targets))) as lease:
         planned = plan(graph, targets, store)
         nodes = [graph.nodes[key] for key in planned.missing]
-        needed_first = graph.ancestors(graph.expand(first))
+        needed_first = graph.ancestors(first)
         nodes_first = [node for node in nodes if node.key in needed_first]
         _prepare(nodes, store, progress)
         durations = Durations(store.folder)
@@ -117,7 +117,8 @@ def execute(
         here = next(small, [])
         all_here = len(here) == len(nodes)
         pool = SerialPool() if all_here else make_pool(executor, nodes, here)
-        progress.expect(durations.by_stage(nodes), 1 if all_here else executor.workers)
+        progress.known = durations.by_stage(nodes)
+        progress.workers = 1 if all_here else executor.workers
         time_limit = getattr(executor, "time_limit", None)
         scheduler = Scheduler(
             planned, store, pool, progress, time_limit, keep_going, lease, on_first=on_first

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import CHUNKED, Identity, Stage, node_key, stage_identity
+from stixel_cli.engine.source_files import load_digests
 
 
 @dataclass(frozen=True)
@@ -84,10 +85,10 @@ class Graph:
         ids = (key for target in targets for key in self.stages.get(target, (target,)))
         return list(dict.fromkeys(ids))
 
-    def ancestors(self, targets: Iterable[str]) -> set[str]:
-        """Ids of the target nodes and of all nodes that they depend on."""
+    def ancestors(self, targets: Sequence[str]) -> set[str]:
+        """Ids of the nodes of `targets`, as of `expand`, and of all that they depend on."""
         found: set[str] = set()
-        pending = list(targets)
+        pending = self.expand(targets)
         while pending:
             node = pending.pop()
             if node not in found:
@@ -128,7 +129,9 @@ class GraphBuilder:
     """
 
     def __init__(self, store_folder: Path | None = None):
-        self._index = CodeIndex(store_folder)
+        if store_folder is not None:
+            load_digests(store_folder)
+        self._index = CodeIndex()
         self._identities: dict[bytes, Identity] = {}
         self._nodes: dict[tuple, dict[str, Node]] = {}
 

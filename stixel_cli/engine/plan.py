@@ -42,8 +42,7 @@ def plan(graph: Graph, targets: Sequence[str], store: Store, verify: bool = True
     enough that an entry exists. With `verify=False` this is enough for the targets too: fast for
     many targets. KeyError if there is no such target, CacheError if the store cannot be read.
     """
-    ids = graph.expand(targets)
-    needed = frozenset(graph.ancestors(ids))
+    ids, needed = graph.expand(targets), frozenset(graph.ancestors(targets))
     stored = store.verify if verify else store.has
     missing = missing_nodes(graph, [key for key in ids if not stored(key)], store)
     return Plan(graph, tuple(ids), needed, tuple(missing))

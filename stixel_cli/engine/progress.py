@@ -112,13 +112,10 @@ class Progress(Display):
         self.failures = 0
         self.cached = 0
         self.began = time.monotonic()
+        # The seconds that a node of each stage took before, and the number of workers.
         self.known: Mapping[str, float] = {}
         self.workers = 1
         self._share = 0.0
-
-    def expect(self, known: Mapping[str, float], workers: int) -> None:
-        """Set the seconds that a node of each stage took before, and the number of workers."""
-        self.known, self.workers = known, workers
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
         """Start: `nodes` will be computed, `cached` others are in the store."""

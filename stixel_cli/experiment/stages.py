@@ -185,7 +185,7 @@ def computed_stages(
         while composition.files.notes and progress is not None:
             progress.note(composition.files.notes.pop(0))
         wanted = [name for name in wanted if name in graph.stages]
-        needed = graph.ancestors(graph.expand(wanted))
+        needed = graph.ancestors(wanted)
 
         def load(name: str) -> list[Any]:
             return [store.load(key) for key in graph.stages.get(name, ()) if key in needed]

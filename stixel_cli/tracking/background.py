@@ -17,12 +17,18 @@ is remembered once in each square of this side, and a point is there if it is no
 GATE = 3.0
 """Standard deviations of the place by which the target's points may be off."""
 
+_NUMBER = np.array([2.0**26, 1.0])
+"""Times the two whole numbers of a square is one number, in lexicographic order."""
+
+_AROUND = (np.indices((3, 3)).reshape(2, -1).T - 1) @ _NUMBER
+"""From a square to itself and its neighbours: what is nearer than a side is in one of them."""
+
 
 class Background:
     """Places in the world, m, where points were that cannot have been the target's."""
 
     def __init__(self) -> None:
-        self._places = np.zeros((0, 2))
+        self._places, self._squares = np.zeros((0, 2)), np.zeros(0)
 
     def others(self, rays: Rays, place: np.ndarray, half: float, spread: float) -> np.ndarray:
         """Which points of a scan are known to be other objects': (n,).
@@ -36,9 +42,9 @@ class Background:
             self._learn(points, distances, segments(rays), reach + APART)
         if not len(self._places) or not len(points):
             return np.zeros(len(points), bool)
-        from scipy.spatial import cKDTree
-
-        return cKDTree(self._places).query(points)[0] < APART
+        squares = (np.round(points / APART) @ _NUMBER)[:, None] + _AROUND
+        rows = np.searchsorted(self._squares, squares).clip(max=len(self._squares) - 1)
+        return (np.linalg.norm(points[:, None] - self._places[rows], axis=2) < APART).any(axis=1)
 
     def _learn(
         self, points_world: np.ndarray, distances: np.ndarray, labels: np.ndarray, reach: float
@@ -47,5 +53,5 @@ class Background:
         nearest = np.full(labels.max() + 1, np.inf)
         np.minimum.at(nearest, labels, distances)
         places = np.concatenate([self._places, points_world[nearest[labels] > reach]])
-        _, first = np.unique(np.round(places / APART), axis=0, return_index=True)
+        self._squares, first = np.unique(np.round(places / APART) @ _NUMBER, return_index=True)
         self._places = places[first]

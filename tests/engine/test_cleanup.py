@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.engine import cache_folder
-from stixel_cli.engine.cache_folder import MARK, Lease, is_marked, make_folder
+from stixel_cli.engine.cache_folder import MARK, Lease, check_owner, make_folder
 from stixel_cli.engine.entries import collect, entries, entry_folders, keep_limit
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size
@@ -225,12 +225,11 @@ def test_a_folder_with_other_files_is_refused_and_left_alone(tmp_path, words, to
 def test_whoever_creates_the_cache_marks_it(tmp_path):
     store = Store(tmp_path / "new" / "cache")
     store.save(KEY, 1)
-    assert is_marked(store.folder)
+    check_owner(store.folder)
     first, second = (store.folder / MARK).read_text().splitlines()
     assert first == "Signature: 8a477f597d28d172789f06886806bc55" and second == "stixel cache"
     # The mark of another program is none.
     (store.folder / MARK).write_text(f"{first}\nanother program\n")
-    assert not is_marked(store.folder)
     with pytest.raises(CacheError, match=MARK):
         open_store(CacheParameters(str(store.folder), None))
 

@@ -13,7 +13,7 @@ from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.parameters import LocalExecutor
 from stixel_cli.engine.plan import DURATIONS, Durations, plan
 from stixel_cli.engine.progress import Display, Progress, crash_note
-from stixel_cli.engine.store import VALUE
+from stixel_cli.engine.store import META, VALUE
 
 DOUBLE = ["double 0", "double 4", "double 8"]
 RUNNING = ["running 0", "running 4", "running 8"]
@@ -53,7 +53,7 @@ def test_a_second_run_computes_nothing_and_needs_no_inputs_of_cached_results(pro
     graph = project.graph()
     project.run(graph)
     for node in graph.of_stage("double") + graph.of_stage("numbers"):
-        for name in (VALUE, "meta.json"):
+        for name in (VALUE, META):
             (project.store.entry(node.key) / name).unlink()
     project.calls()
     project.run(graph)
@@ -133,7 +133,7 @@ def test_small_known_work_starts_no_workers(project, monkeypatch):
 def test_plan_computes_and_writes_nothing(project):
     graph = project.graph()
     planned = plan(graph, ["gather"], project.store)
-    assert set(planned.missing) == set(planned.needed) == graph.ancestors(graph.expand(["gather"]))
+    assert set(planned.missing) == set(planned.needed) == graph.ancestors(["gather"])
     assert project.calls() == [] and not project.store.folder.exists()
     project.run(graph, targets=["double"])
     missing = plan(graph, ["gather"], project.store).missing
@@ -212,7 +212,7 @@ def feed(progress, project, clock, step):
 
 def test_lines(project, clock, capsys):
     progress = Progress(visible=True)
-    progress.expect(dict.fromkeys(("double", "running", "gather", "grid"), 3.0), 1)
+    progress.known = dict.fromkeys(("double", "running", "gather", "grid"), 3.0)
     feed(progress, project, clock, 3.0)
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -236,7 +236,7 @@ def test_an_equal_line_is_not_repeated_soon(clock, capsys):
 
 def test_the_time_left(project, clock, capsys):
     lines = Progress(visible=True)
-    lines.expect({"double": 30.0, "running": 60.0}, 2)
+    lines.known, lines.workers = {"double": 30.0, "running": 60.0}, 2
     graph = project.graph()
     nodes = [*graph.of_stage("double"), *graph.of_stage("running")]
     lines.begin(nodes, cached=0)
@@ -258,7 +258,7 @@ def test_the_time_left(project, clock, capsys):
 
 def test_no_time_is_estimated_before_each_stage_has_run_on_each_worker(project):
     lines = Progress()
-    lines.expect({}, 2)
+    lines.known, lines.workers = {}, 2
     graph = project.graph()
     double, running = graph.of_stage("double"), graph.of_stage("running")
     lines.begin([*double, *double, *running, *running], cached=0)
