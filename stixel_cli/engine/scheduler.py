@@ -10,10 +10,11 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from stixel_cli.border.origins import unpickled
+from stixel_cli.border.origins import unpickled_bytes
 from stixel_cli.engine import errors
 from stixel_cli.engine.cache_folder import Lease, new_name
 from stixel_cli.engine.entries import keep_limit
@@ -64,6 +65,8 @@ class ChunkSequence(Sequence):
 
 def run_node(node: Node, folder: Path, limit: TimeLimit | None = None) -> Outcome:
     """Compute a node and store it at `folder`, unless the store has it by now."""
+    # The store needs it; its import is no part of the node's time.
+    import_module("joblib")
     store = Store(folder)
     started = time.perf_counter()
     try:
@@ -138,7 +141,7 @@ def _own_part(error: Exception) -> str:
 def _portable(error: Exception) -> Exception:
     """The error, or its text if it cannot be pickled."""
     with suppress(Exception):
-        if str(unpickled(pickle.dumps(error))) == str(error):
+        if str(unpickled_bytes(pickle.dumps(error))) == str(error):
             return error
     return RuntimeError(f"{type(error).__name__}: {error}")
 

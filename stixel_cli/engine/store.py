@@ -3,31 +3,28 @@
 An entry is written in a temporary folder and then renamed, so that readers see all of it or
 nothing, also after a process was killed. Nothing is flushed to disk by force: after a power cut the
 digest reveals an incomplete entry. The notes have the digest of the value, and one of their own.
-
-A value is the sizes of its pieces and these: its pickle, and the bytes of each array as they are.
 """
 
+import io
 import json
-import mmap
 import os
-import pickle
 import shutil
-import struct
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border.files import GREATEST_TEXT, file_state, opened, read_bytes
+from stixel_cli.border.files import GREATEST_TEXT, file_state, read_bytes
 from stixel_cli.border.origins import unpickled
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.errors import CacheError, MissingEntry, writing
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
-from stixel_cli.errors import UserError, located
+from stixel_cli.engine.source_files import content_digest
+from stixel_cli.errors import UserError
 
-VALUE = "value.bin"
-META = "notes.json"
+VALUE = "value.joblib"
+META = "meta.json"
 
 MAPPED = 32 * 2**20
 """Bytes of a value from which on its arrays are memory maps when it is loaded."""
@@ -77,7 +74,12 @@ class Store:
         with suppress(OSError):
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
-        return unpickled(*_pieces(content))
+        if content is not None:
+            return unpickled(io.BytesIO(content))
+        try:
+            return unpickled(self.entry(key) / VALUE, mmap_mode="c")
+        except FileNotFoundError:
+            raise MissingEntry(key, "not found") from None
 
     def meta(self, key: str) -> dict[str, Any]:
         """Read the notes of an entry: stage, label, seconds, size, digest, ….
@@ -102,13 +104,17 @@ class Store:
 
         CacheError if it cannot be written. Nothing of it remains.
         """
+        import joblib
+
         partial = self.folder / "tmp" / f"{key[:16]}-{cache_folder.new_name()}"
         with writing(self.folder), ExitStack() as end:
             # It is in its place by then, or of no use.
             end.callback(shutil.rmtree, partial, ignore_errors=True)
             cache_folder.make_folder(self.folder, "tmp")
             partial.mkdir()
-            size, digest = _write(value, partial / VALUE)
+            joblib.dump(value, partial / VALUE)
+            size = (partial / VALUE).stat().st_size
+            digest = content_digest(partial / VALUE, size)
             meta = {**notes, "key": key, "size": size, "digest": digest}
             (partial / META).write_bytes(_notes_content(meta))
             self._put_in_place(partial, self.entry(key))
@@ -158,15 +164,20 @@ class Store:
         shutil.rmtree(gone, ignore_errors=True)
         return True
 
-    def checked(self, key: str) -> bytes | mmap.mmap:
-        """The bytes of a value, a large one as a map, with checks and errors as of `load`.
+    def checked(self, key: str) -> bytes | None:
+        """The bytes of a value, None for one to be mapped, with checks and errors as of `load`.
 
         The digest of a file that has not changed since is not computed again.
         """
         meta, state = self.meta(key), file_state(self.entry(key) / VALUE)
         size, known = meta.get("size", 0), self._checked.get(key, ()) == state
-        content = self._read(key, VALUE, size, _mapped if size >= MAPPED else read_bytes)
-        if not known and sha256(content).hexdigest() != meta.get("digest"):
+        content, found = None, meta.get("digest")
+        if size < MAPPED:
+            content = self._read(key, VALUE, size)
+            found = found if known else sha256(content).hexdigest()
+        elif not known:
+            found = self._read(key, VALUE, size, content_digest)
+        if found != meta.get("digest"):
             raise self._damaged(key, "its content has changed")
         self._checked[key] = state
         return content
@@ -208,40 +219,6 @@ class Store:
                     raise
                 # A damaged entry, or one that was removed in part.
                 self.remove(entry.name)
-
-
-_ALIGNED = 64
-"""Bytes: every piece of a value begins at a multiple of it."""
-
-
-def _write(value: Any, file: Path) -> tuple[int, str]:
-    """Write a value; return its size in bytes, and the digest of the file."""
-    pieces: list[Any] = []
-    pieces.insert(0, pickle.dumps(value, 5, buffer_callback=lambda one: pieces.append(one.raw())))
-    digest = sha256()
-    with open(file, "wb") as stream:
-        for piece in (struct.pack(f"<{len(pieces) + 1}q", len(pieces), *map(len, pieces)), *pieces):
-            for part in (bytes(-stream.tell() % _ALIGNED), piece):
-                stream.write(part)
-                digest.update(part)
-        return stream.tell(), digest.hexdigest()
-
-
-def _pieces(content: bytes | mmap.mmap) -> Iterator[memoryview]:
-    """The pickle of a value and the bytes of its arrays, which may be written."""
-    view = memoryview(content if isinstance(content, mmap.mmap) else bytearray(content))
-    (count,) = struct.unpack_from("<q", view)
-    end = 8 * (count + 1)
-    for size in struct.unpack_from(f"<{count}q", view, 8):
-        start = end + -end % _ALIGNED
-        end = start + size
-        yield view[start:end]
-
-
-def _mapped(file: Path, size: int) -> mmap.mmap:
-    """A map of a file; what is written into it never reaches the file."""
-    with opened(file, size) as stream, located(file):
-        return mmap.mmap(stream.fileno(), size, access=mmap.ACCESS_COPY)
 
 
 _OWN_DIGEST = b'{\n "notes_digest": "'

@@ -13,7 +13,7 @@ from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.parameters import LocalExecutor
 from stixel_cli.engine.plan import DURATIONS, Durations, plan
 from stixel_cli.engine.progress import Display, Progress, crash_note
-from stixel_cli.engine.store import META, VALUE
+from stixel_cli.engine.store import VALUE
 
 DOUBLE = ["double 0", "double 4", "double 8"]
 RUNNING = ["running 0", "running 4", "running 8"]
@@ -53,7 +53,7 @@ def test_a_second_run_computes_nothing_and_needs_no_inputs_of_cached_results(pro
     graph = project.graph()
     project.run(graph)
     for node in graph.of_stage("double") + graph.of_stage("numbers"):
-        for name in (VALUE, META):
+        for name in (VALUE, "meta.json"):
             (project.store.entry(node.key) / name).unlink()
     project.calls()
     project.run(graph)

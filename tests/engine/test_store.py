@@ -34,8 +34,9 @@ def test_large_arrays_are_memory_maps_that_may_be_written(store, monkeypatch):
     store.save(KEY, value)
     monkeypatch.setattr("stixel_cli.engine.store.MAPPED", 0)
     found = store.load(KEY)
-    assert not found["large"].flags.owndata and found["text"] == b"bytes"
+    assert isinstance(found["large"], np.memmap) and found["text"] == b"bytes"
     found["large"][:] = -1.0
+    found["large"].flush()
     np.testing.assert_array_equal(store.load(KEY)["large"], value["large"])
     (store.entry(KEY) / VALUE).write_bytes(b"x" * store.meta(KEY)["size"])
     with pytest.raises(MissingEntry, match="its content has changed"):
@@ -91,7 +92,7 @@ def old_notes(entry):
         (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "changed"),
         (lambda entry: (entry / VALUE).write_bytes(b""), "changed"),
         (lambda entry: os.truncate(entry / VALUE, 64 * 2**30), "too large"),  # a sparse file
-        (lambda entry: (entry / VALUE).unlink(), "value.bin is missing"),
+        (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
         (lambda entry: put(Path.mkdir, entry / VALUE), "directory"),
         (lambda entry: put(Path.mkdir, entry / META), "directory"),
         # To open a FIFO would block until a process writes to it.
@@ -99,7 +100,7 @@ def old_notes(entry):
         (lambda entry: put(os.mkfifo, entry / META), "not a regular file"),
         (lambda entry: (entry / META).write_text("{"), "notes are damaged"),
         (lambda entry: (entry / META).write_text("[]"), "notes are damaged"),
-        (lambda entry: (entry / META).unlink(), "notes.json is missing"),
+        (lambda entry: (entry / META).unlink(), "meta.json is missing"),
         (lambda entry: flip(entry / META), "notes have changed"),
         (lambda entry: change_notes(entry, size=7), "notes have changed"),
         (lambda entry: (entry / META).write_text(old_notes(entry)), "of an older version"),
