@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_861
+TOTAL = 44_856
 """Greatest number of lines in all."""
 
 MODULES = 242
@@ -26,7 +26,7 @@ BUDGET = {
     "calibration": 559,
     "cli": 2576,
     "config": 2486,
-    "engine": 4084,
+    "engine": 4073,
     "evaluation": 1570,
     "experiment": 1225,
     "export": 695,
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6262,
+    "tracking": 6268,
     "validation": 1274,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
