@@ -23,7 +23,7 @@ from stixel_cli.tracking.contour.residual import Residual
 
 NEAR, NEAR_ACROSS = 0.3, 0.15
 """A point this near to the expected one, m, along the ray and across, is in every gate. A point
-that is by the first nearer than an end, and no farther beyond the next ray, hides it."""
+that is by the first nearer than an end, and no farther beside it, or on the next ray, hides it."""
 
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
@@ -119,9 +119,10 @@ class Rays:
         others = np.delete(np.arange(len(self.ranges)), indices)[:, None]
         bearings = self.bearings[indices]
         ends = indices[[bearings.argmin(), bearings.argmax()]]
-        beyond = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends])) - 2.0 * BEARING
+        apart = np.abs(wrap_angle(self.bearings[others] - self.bearings[ends]))
+        near = (apart * self.ranges[ends] < NEAR) | (apart < 2.0 * BEARING)
         nearer = self.ranges[others] < self.ranges[ends] - NEAR
-        return tuple((nearer & (beyond * self.ranges[ends] < NEAR)).any(axis=0).tolist())
+        return tuple((nearer & near).any(axis=0).tolist())
 
     def _is_edge_on(self) -> bool:
         """Whether the plane of the face at the left end is within `EDGE_ON` of the sensor."""
@@ -135,9 +136,7 @@ class Rays:
 
 
 def sight_of(
-    road_user: str,
-    tracker: ContourParameters,
-    vertices: np.ndarray | None = None,
+    road_user: str, tracker: ContourParameters, vertices: np.ndarray | None = None
 ) -> Sight:
     """What the sensor sees of a class: stixels and lidars less than the outline.
 
@@ -310,7 +309,7 @@ def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
     if len(rays.bearings) < 2 or np.isinf(sight.learned_inset):
         return 0.0, 0.0
     gaps = np.diff(np.sort(rays.bearings)) * rays.ranges.mean()
-    gap, root = float(np.median(gaps)), float(np.sqrt(np.mean(gaps**2)))
+    gap, root = np.median(gaps), np.sqrt(np.mean(gaps**2))
     inset = max(0.5 * gap - sight.learned_inset, 0.0)
     # Where gaps are uneven, the points are anywhere on the target, as those of a radar.
     of_outline = root**2 / 12.0 + (root - gap) ** 2
