@@ -96,8 +96,8 @@ def read_rig(file: Path) -> Calibration:
             raise UserError(f"{file}: {name}: must be three numbers, px")
         if name.startswith("focal_length") and value <= 0:
             raise UserError(f"{file}: {name}: must be > 0, got {value:g}")
-    for name in (name for name in NEEDED if name not in content):
-        raise UserError(f"{file}: {name} is missing")
+    if missing := [name for name in NEEDED if name not in content]:
+        raise UserError(f"{file}: missing: {', '.join(missing)}")
     kitti_tables.check_baseline(file, content["baseline"], "the left", "the right camera")
     content |= {name: tuple(content[name]) for name in ERROR_VALUES if name in content}
     absent = {"focal_length_v": content["focal_length"], "camera_height": None}

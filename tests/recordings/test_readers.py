@@ -243,7 +243,7 @@ def test_a_plain_folder_has_the_same_recording(clip, tmp_path):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("focal_length: 150\n", "principal_u is missing"),
+        ("focal_length: 150\n", "missing: principal_u, principal_v, baseline"),
         ("focus: 150\n", "focus: unknown; it has focal_length, "),
         ("h: 1.6\n", "h: unknown; did you mean camera_height"),
         ("Tx: 0.1\n", "Tx: unknown; did you mean baseline"),
