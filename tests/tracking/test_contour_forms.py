@@ -13,6 +13,7 @@ from tracking_cases import CAR, jacobian
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rectangle, rotation, world_from_target
+from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour import forms
@@ -280,6 +281,11 @@ def test_ends_are_hidden_beside_a_nearer_point():
     # 120 m away, a lidar's next ray passes 0.35 m beside the end, and meets what hides the rest.
     rays = rays_at([[x, 120.0] for x in np.linspace(-1.4, 1.4, 9)] + [[0.875, 60.0]])
     assert rays.subset(np.arange(9)).hidden == (True, False)
+    # A car's left side passes a pair of cameras by 0.9 m: the right one sees little of it.
+    rays = rays_at([[x, 6.0] for x in (1.8, 1.4)] + [[0.9, y] for y in np.linspace(6.0, 10.0, 7)])
+    for baseline, lost in ((0.3, False), (0.54, True)):
+        pair = replace(rays, field_of_view=FieldOfView(-0.7, 0.7, baseline))
+        assert pair.subset(np.arange(9)).hidden == (False, lost)
 
 
 def test_points_of_a_neighbour_are_not_the_targets():
