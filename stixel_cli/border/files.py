@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, lru_cache, wraps
+from hashlib import file_digest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, ParamSpec, TypeVar
 
@@ -78,6 +79,12 @@ def read_bytes(file: Path, greatest: int = GREATEST_TEXT) -> bytes:
     if len(content) > greatest:
         raise UserError(f"{file}: too large: more than {greatest} bytes")
     return content
+
+
+def content_digest(file: Path, greatest: int = GREATEST_ARRAYS) -> str:
+    """SHA-256, in hex, of a regular file's content; UserError for any other: it may not end."""
+    with opened(file, greatest) as stream:
+        return file_digest(stream, "sha256").hexdigest()
 
 
 def read_text(file: Path) -> str:
@@ -314,6 +321,9 @@ def remembered(read: Callable[P, T]) -> Callable[P, T]:
         return read_once(arguments, tuple(map(file_state, files)))
 
     return read_if_changed
+
+
+known_digest = remembered(content_digest)
 
 
 def file_state(file: Path) -> tuple[int, int, int] | None:

@@ -27,6 +27,7 @@ from importlib.machinery import EXTENSION_SUFFIXES, PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 
+from stixel_cli.border.files import content_digest
 from stixel_cli.engine import source_files
 from stixel_cli.engine.errors import InvalidCode
 from stixel_cli.engine.versions import is_editable, providers, versions_of
@@ -103,7 +104,7 @@ def search_also(folders: Iterable[Path]) -> None:
 def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
     """Whether all files still have the content of their digests."""
     with suppress(UserError):
-        return all(source_files.content_digest(path) == digest for path, digest in files.values())
+        return all(content_digest(path) == digest for path, digest in files.values())
     return False
 
 

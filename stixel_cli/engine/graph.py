@@ -87,8 +87,7 @@ class Graph:
 
     def ancestors(self, targets: Sequence[str]) -> set[str]:
         """Ids of the nodes of `targets`, as of `expand`, and of all that they depend on."""
-        found: set[str] = set()
-        pending = self.expand(targets)
+        found, pending = set[str](), self.expand(targets)
         while pending:
             node = pending.pop()
             if node not in found:

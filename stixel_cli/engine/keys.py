@@ -7,9 +7,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
 
-from stixel_cli.border.files import GREATEST_RECORDING, remembered
+from stixel_cli.border.files import GREATEST_RECORDING, known_digest
 from stixel_cli.engine.code import Code, CodeIndex
-from stixel_cli.engine.source_files import content_digest
 from stixel_cli.engine.versions import python_version
 
 Pattern = Literal["once", "map", "fold", "pick"]
@@ -217,15 +216,10 @@ def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
         "python": python_version(),
         "versions": code.versions,
         "seed": stage.seed,
-        "files": [_file_digest(path) for path in stage.files],
+        # Several stages read a recording, which may be one large file.
+        "files": [known_digest(path, GREATEST_RECORDING) for path in stage.files],
     }
     return Identity(code, content, digest(content))
-
-
-# Several stages read a recording, which may be one large file.
-@remembered
-def _file_digest(path: Path) -> str:
-    return content_digest(path, GREATEST_RECORDING)
 
 
 def node_key(

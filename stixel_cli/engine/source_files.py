@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from hashlib import file_digest, sha256
+from hashlib import sha256
 from pathlib import Path
 
-from stixel_cli.border.files import GREATEST_ARRAYS, opened
+from stixel_cli.border.files import content_digest
 from stixel_cli.engine.cache_folder import store_json, stored_json
 from stixel_cli.engine.errors import InvalidCode
 from stixel_cli.errors import UserError, located
@@ -98,12 +98,6 @@ def declared_files(path: Path, source: Source) -> Iterator[tuple[str, Path, str]
             raise InvalidCode(f"{path}: FILES: {name}: must be relative to the module's folder")
         with located(f"{path}: FILES", InvalidCode, UserError):
             yield name, path.parent / name, content_digest(path.parent / name)
-
-
-def content_digest(path: Path, greatest: int = GREATEST_ARRAYS) -> str:
-    """SHA-256, in hex, of a regular file's content; UserError for any other: it may not end."""
-    with opened(path, greatest) as file:
-        return file_digest(file, "sha256").hexdigest()
 
 
 _READ = re.compile(r"(.*\.)?(open|read_text|import_module)|(np|numpy)\.load", re.DOTALL)

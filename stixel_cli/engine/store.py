@@ -15,12 +15,11 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border.files import GREATEST_TEXT, file_state, read_bytes
+from stixel_cli.border.files import GREATEST_TEXT, content_digest, file_state, read_bytes
 from stixel_cli.border.origins import unpickled
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.errors import CacheError, MissingEntry, writing
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
-from stixel_cli.engine.source_files import content_digest
 from stixel_cli.errors import UserError
 
 VALUE = "value.joblib"
