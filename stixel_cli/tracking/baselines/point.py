@@ -20,6 +20,7 @@ from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.kalman import Step, smooth, update
 from stixel_cli.tracking.loop import Filtered
+from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING
 from stixel_cli.tracking.prior import EVEN, PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
 
@@ -66,10 +67,7 @@ def track(
     the NIS has two degrees of freedom.
     """
     radius, std = class_circle(prior)
-    mean, covariance = (
-        initial.mean[motion.MOVING],
-        initial.covariance[np.ix_(motion.MOVING, motion.MOVING)],
-    )
+    mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
     lone = 0.25 * radius**2 + tracker.measurement_std**2
 
     filtered, nis = Filtered(scans, 4), np.nan
@@ -84,17 +82,14 @@ def track(
             variance = (CENTROID_OFFSET * radius) ** 2 + lone / len(indices)
             innovation = scan.points[indices].mean(axis=0) - mean[:2]
             mean, covariance, nis = update(mean, covariance, innovation, variance * np.eye(2))
-        matrix = motion.transition(scan.interval)[np.ix_(motion.MOVING, motion.MOVING)]
+        matrix = motion.transition(scan.interval)[np.ix_(MOVING, MOVING)]
         steps.append(Step(mean, covariance, *predicted, steps[-1] if steps else None, matrix))
         filtered.add(mean, covariance, indices, nis, degrees=2)
 
     def reported(means: np.ndarray, covariances: np.ndarray) -> Track:
         """The track of K estimates of place and velocity, with the circle as its contour."""
         states, spreads = np.empty((len(scans), 6)), np.empty((len(scans), 6, 6))
-        heading = (
-            float(initial.mean[2]),
-            min(float(initial.covariance[2, 2]), motion.GREATEST_VARIANCE),
-        )
+        heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
         for k, interval in enumerate(motion.intervals(scans.times)):
             states[k], spreads[k] = motion.six_states(
                 means[k], covariances[k], heading, interval, tracker.sigma_q
