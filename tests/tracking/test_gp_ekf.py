@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 from tracking_cases import CAR, START, TRACKER, jacobian, poses_of_turn, scans_of, seen_car
 
-from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.gp_ekf import contours_of, track
 from stixel_cli.tracking.gp_ekf_update import linearise, update
@@ -264,12 +264,3 @@ def test_gate_accepts_target_points_and_rejects_a_wall_behind():
         used = found.used_points[found.used_offsets[k] : found.used_offsets[k + 1]] - 90 * k
         assert set(range(60)) <= set(used.tolist())
         assert used.max() < 60
-
-
-def test_gate_rotates_with_the_target():
-    """3 m from the centre is inside before the car (2.1 m to its front), outside beside it."""
-    centre = START.mean[:2]
-    points = centre + np.array([[3.0, 0.0], [0.0, 3.0]]) @ rotation(START.mean[2]).T
-    # A single scan has no sample time: it is not predicted.
-    found = track(scans_of([points]), START, CAR, TRACKER)
-    assert found.used_points.tolist() == [0]
