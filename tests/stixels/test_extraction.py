@@ -67,17 +67,6 @@ def test_boxes_give_stixels(rig, pitch):
     assert_allclose(stixels.depth[wall], 30.0, rtol=0.005)
 
 
-def test_free_columns_have_no_stixel(rig):
-    box = (0.0, 10.0, 2.0, 1.5)
-    stixels = pipeline(as_disparities(render(rig), render(rig, boxes=[box])), rig)
-    assert stixels.offsets[:2].tolist() == [0, 0]
-    assert stixels.rows(1) == slice(0, len(stixels.depth))
-    edges = columns_of(rig, box)
-    assert np.all(stixels.right > edges[0])
-    assert np.all(stixels.left < edges[1])
-    assert len(stixels.depth) == pytest.approx(2.0 * rig.focal / 10.0 / 5, abs=2)
-
-
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
 def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstacle(rig, pitch):
     rig, many = replace(rig, pitch=pitch), replace(EXTRACTION, layers="many")
