@@ -223,7 +223,6 @@ def test_names_have_road_user_and_path_but_of_a_file_and_are_short_and_printable
     check_plain_name("x" + joined_name(["ä\x00/.."]))
 
 
-PICTURED = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[0]")
 NOBODY = ("executor=dask", "executor.address=tcp://127.0.0.1:9")
 
 
@@ -239,7 +238,7 @@ def refusing(monkeypatch, tmp_path):
     return lambda: monkeypatch.setattr(Store, "check_writable", refuse)
 
 
-@pytest.mark.parametrize("words", [("run", *PICTURED), ("sweep", *PICTURED, "seed=0,1")])
+@pytest.mark.parametrize("words", [("run", *FABRICATED), ("sweep", *FABRICATED, "seed=0,1")])
 def test_a_read_only_cache_and_a_scheduler_that_is_not_there(
     refusing, monkeypatch, tmp_path, told, words
 ):
@@ -260,7 +259,7 @@ def test_a_read_only_cache_and_a_scheduler_that_is_not_there(
 
 def test_a_read_only_cache_that_holds_all_serves(refusing, tmp_path, capsys):
     results = tmp_path / "results"
-    sweep = ("sweep", *PICTURED, "seed=0,1", "--results", str(results), "--name")
+    sweep = ("sweep", *FABRICATED, "seed=0,1", "--results", str(results), "--name")
     assert main([*sweep, "first"]) == 0
     refusing()
     assert main([*sweep, "again"]) == 0
