@@ -26,11 +26,6 @@ TABLES, FORMS = ("scores", "ego", "truth", "scans", "track"), ("csv", "npz")
 FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]")
 
 
-@pytest.fixture
-def results(tmp_path):
-    return tmp_path / "results"
-
-
 def test_a_smoothed_track_is_next_to_that_of_the_filter(results, capsys, told):
     for lag in (0, 2):
         overrides = (*FABRICATED, "tracker=point", f"tracker.lag={lag}")
@@ -240,11 +235,10 @@ def refusing(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("words", [("run", *FABRICATED), ("sweep", *FABRICATED, "seed=0,1")])
 def test_a_read_only_cache_and_a_scheduler_that_is_not_there(
-    refusing, monkeypatch, tmp_path, told, words
+    refusing, monkeypatch, results, told, words
 ):
     pytest.importorskip("distributed", reason="Dask is not installed")
     monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
-    results = tmp_path / "results"
     for more, faults in (
         (NOBODY, ["no Dask scheduler at tcp://127.0.0.1:9"]),
         ((), ["Read-only file system: choose another (cache.folder or STIXEL_CACHE)"]),
@@ -257,8 +251,7 @@ def test_a_read_only_cache_and_a_scheduler_that_is_not_there(
         assert not results.exists()
 
 
-def test_a_read_only_cache_that_holds_all_serves(refusing, tmp_path, capsys):
-    results = tmp_path / "results"
+def test_a_read_only_cache_that_holds_all_serves(refusing, results, capsys):
     sweep = ("sweep", *FABRICATED, "seed=0,1", "--results", str(results), "--name")
     assert main([*sweep, "first"]) == 0
     refusing()
