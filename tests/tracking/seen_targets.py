@@ -8,6 +8,7 @@ from tracking_cases import FIELD, scans_of
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.tracking.consider import NODES
 from stixel_cli.tracking.contour import ray_kernels
 from stixel_cli.tracking.contour.contour_rays import Rays, rays_of
 from stixel_cli.tracking.track import InitialState
@@ -82,4 +83,6 @@ def rows_at(state, covariance, sensor, directions, ranges, table):
     of_scan = sensor, directions, ranges, np.array([0, count - 1]), 0.0, np.ones(count + 2, bool)
     variances = np.ones(count + 2), one, one
     measured = ray_kernels.Measured(*of_scan, *variances, 1.0, 1.0)
-    return ray_kernels.rows_at(state, covariance, measured, table.arrays)
+    whole, spread = np.zeros(7 + NODES), np.zeros((7 + NODES, 7 + NODES))
+    whole[: len(state)], spread[: len(state), : len(state)] = state, covariance
+    return ray_kernels.rows_at(whole, spread, measured, table.arrays)

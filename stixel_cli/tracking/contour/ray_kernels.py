@@ -93,8 +93,6 @@ class Rows(NamedTuple):
     """(n + 2,) m, of the shape's ranges and limits."""
     slants: np.ndarray
     """(n,) by how much a range grows as the shape moves to the left of the ray."""
-    angles: np.ndarray
-    """(n,) rad, where the rays meet the shape, in units of half its size."""
     insides: np.ndarray
     """(n,) m, how far inside the shape's limits each ray is; negative: it passes by."""
 
@@ -105,14 +103,13 @@ def rows_at(
     """The rows at a `state` (d,) with a `covariance` (d, d); `RayTable.arrays`.
 
     The slopes by the place across a ray and by the heading are central differences over about a
-    standard deviation. Where the outline has a residual, the variance of what they leave out is
-    added to the noise: that of a parabola over one standard deviation (Nørgaard, Poulsen & Ravn
-    2000, *New developments in state estimation for nonlinear systems*). The nodes of the residual
-    are the states from 7 on.
+    standard deviation. The variance of what they leave out is added to the noise: that of a
+    parabola over one standard deviation (Nørgaard, Poulsen & Ravn 2000, *New developments in state
+    estimation for nonlinear systems*). The nodes of the residual are the states from 7 on.
     """
     count, states = len(measured.ranges), len(state)
     most = 2 * count + 2
-    shapes = most, most, count + 2, count, count, count
+    shapes = most, most, count + 2, count, count
     rows = Rows(np.zeros((most, states)), *map(np.empty, shapes))
     used = _measure(rows, state, np.ascontiguousarray(covariance), measured, table)
     return Rows(*(values[:used] for values in rows[:3]), *rows[3:])
@@ -121,7 +118,7 @@ def rows_at(
 @njit(cache=True, error_model="numpy")
 def _measure(rows, state, covariance, measured, table):
     """Write `rows_at` to `rows`; returns their number."""
-    count, has_nodes = len(measured.directions), len(state) > 7
+    count = len(measured.directions)
     used = count + 2
     cosine, sine = cos(state[2]), sin(state[2])
     dx, dy = measured.sensor[0] - state[0], measured.sensor[1] - state[1]
@@ -156,21 +153,15 @@ def _measure(rows, state, covariance, measured, table):
         slopes[0], slopes[1] = ahead_x - slant * ahead_y, ahead_y + slant * ahead_x
         slopes[2] = (after - before) / (2.0 * turn)
         slopes[5], slopes[6] = (u - slant * v) * shift_x, (v + slant * u) * shift_y
-        rows.stds[i], rows.slants[i], rows.angles[i], rows.insides[i] = (
-            std,
-            slant,
-            angle,
-            min(low, high),
-        )
+        rows.stds[i], rows.slants[i], rows.insides[i] = std, slant, min(low, high)
         rows.errors[i] = measured.ranges[i] - distance
         # Where the ray grazes the shape, a small error across it is a large one of the range.
         rows.noise[i] = slant**2 * measured.across_variances[i]
         rows.noise[i] += measured.noise_factor * measured.variances[i]
         rows.noise[i] += measured.shape_factor * std**2
-        if has_nodes:
-            bent = (left + right - 2.0 * distance) ** 2 + (after + before - 2.0 * distance) ** 2
-            rows.noise[i] += 0.5 * bent
-            _add_nodes(rows, i, angle, min(sqrt(1.0 + slant**2), 1.0 / LEAST_COSINE), state)
+        bent = (left + right - 2.0 * distance) ** 2 + (after + before - 2.0 * distance) ** 2
+        rows.noise[i] += 0.5 * bent
+        _add_nodes(rows, i, angle, min(sqrt(1.0 + slant**2), 1.0 / LEAST_COSINE), state)
         bent = 0.5 * (low_after + low_before - 2.0 * low) ** 2
         of_low = 1.0, low, (low_before - low_after) / (2.0 * turn), bent
         bent = 0.5 * (high_after + high_before - 2.0 * high) ** 2
@@ -186,9 +177,8 @@ def _measure(rows, state, covariance, measured, table):
                 rows.noise[row] = measured.noise_factor * (measured.variances[row] + std**2)
                 if not measured.used[row]:
                     rows.noise[row] = np.inf
-                if has_nodes:
-                    rows.noise[row] += limit[3]
-                    _add_nodes(rows, row, angle, 1.0, state)
+                rows.noise[row] += limit[3]
+                _add_nodes(rows, row, angle, 1.0, state)
         if min(low, high) < 0.0:
             nearer = of_low if low < high else of_high
             rows.errors[used] = _fill_limit(rows.matrix[used], nearer, sides)
