@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 import yaml
+from test_folders import flatten
 
 from stixel_cli.config.choice import set_by_experiment
 from stixel_cli.config.compose import compose
@@ -25,14 +26,6 @@ def thesis(*overrides):
 def file_of(option):
     text = (shipped_folder("conf") / EXPERIMENT / f"{option}.yaml").read_text(encoding="utf-8")
     return yaml.safe_load(text) or {}
-
-
-def flatten(plain, prefix=""):
-    for key, value in plain.items():
-        if isinstance(value, dict):
-            yield from flatten(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}"
 
 
 def test_by_default_there_is_no_experiment():
@@ -74,7 +67,7 @@ def test_the_improved_thesis_differs_by_the_improvements(road_user):
     improved = compose([*default.overrides, "experiment=thesis_improved"])
     changed = {
         key
-        for key in set(flatten(default.resolved)) & set(flatten(improved.resolved))
+        for key in dict(flatten(default.resolved)).keys() & dict(flatten(improved.resolved)).keys()
         if default.value(key) != improved.value(key)
     }
     fabricated = {"measurement.spacing", "measurement.noise.kind"}
@@ -242,7 +235,7 @@ def test_every_choice_and_value_has_a_source(option):
     choices += content.pop("inner_options", {})
     content.pop("sources", None)
     # Every key of a group that has an option of its own for the experiment is written in it.
-    expected = {*choices, *flatten(content)}
+    expected = {*choices, *dict(flatten(content))}
     given = {
         one
         for one in expected

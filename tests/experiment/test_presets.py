@@ -29,11 +29,6 @@ RUNS = [("car", path) for path in PATHS] + [(user, "stop_and_go") for user in US
 """Each path and each road user once; every pair's motion: `tests/scene/test_path.py`."""
 
 
-@pytest.fixture
-def results(tmp_path):
-    return tmp_path / "results"
-
-
 def check(answer: dict) -> None:
     assert answer["metrics"]["scans"] >= 2
     assert answer["metrics"]["centre_rmse_m"] is not None

@@ -26,11 +26,6 @@ TABLES, FORMS = ("scores", "ego", "truth", "scans", "track"), ("csv", "npz")
 FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]")
 
 
-@pytest.fixture
-def results(tmp_path):
-    return tmp_path / "results"
-
-
 def test_a_smoothed_track_is_next_to_that_of_the_filter(results, capsys, told):
     for lag in (0, 2):
         overrides = (*FABRICATED, "tracker=point", f"tracker.lag={lag}")
@@ -223,7 +218,6 @@ def test_names_have_road_user_and_path_but_of_a_file_and_are_short_and_printable
     check_plain_name("x" + joined_name(["ä\x00/.."]))
 
 
-PICTURED = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[0]")
 NOBODY = ("executor=dask", "executor.address=tcp://127.0.0.1:9")
 
 
@@ -239,13 +233,12 @@ def refusing(monkeypatch, tmp_path):
     return lambda: monkeypatch.setattr(Store, "check_writable", refuse)
 
 
-@pytest.mark.parametrize("words", [("run", *PICTURED), ("sweep", *PICTURED, "seed=0,1")])
+@pytest.mark.parametrize("words", [("run", *FABRICATED), ("sweep", *FABRICATED, "seed=0,1")])
 def test_a_read_only_cache_and_a_scheduler_that_is_not_there(
-    refusing, monkeypatch, tmp_path, told, words
+    refusing, monkeypatch, results, told, words
 ):
     pytest.importorskip("distributed", reason="Dask is not installed")
     monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
-    results = tmp_path / "results"
     for more, faults in (
         (NOBODY, ["no Dask scheduler at tcp://127.0.0.1:9"]),
         ((), ["Read-only file system: choose another (cache.folder or STIXEL_CACHE)"]),
@@ -258,9 +251,8 @@ def test_a_read_only_cache_and_a_scheduler_that_is_not_there(
         assert not results.exists()
 
 
-def test_a_read_only_cache_that_holds_all_serves(refusing, tmp_path, capsys):
-    results = tmp_path / "results"
-    sweep = ("sweep", *PICTURED, "seed=0,1", "--results", str(results), "--name")
+def test_a_read_only_cache_that_holds_all_serves(refusing, results, capsys):
+    sweep = ("sweep", *FABRICATED, "seed=0,1", "--results", str(results), "--name")
     assert main([*sweep, "first"]) == 0
     refusing()
     assert main([*sweep, "again"]) == 0

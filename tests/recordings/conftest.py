@@ -1,3 +1,5 @@
+import shutil
+
 import pytest
 from made_clip import make_clip
 
@@ -8,3 +10,9 @@ def clip(tmp_path_factory):
     folder = tmp_path_factory.mktemp("clip")
     make_clip(folder)
     return folder
+
+
+@pytest.fixture
+def copy(clip, tmp_path):
+    """The clip, to damage."""
+    return shutil.copytree(clip, tmp_path / "clip")

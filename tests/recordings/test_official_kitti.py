@@ -26,11 +26,6 @@ CLIP = DATA / "kitti_tracking/training"
 OXTS = DATA / "kitti_tracking_oxts/0005.txt"
 
 
-@pytest.fixture
-def copy(clip, tmp_path):
-    return shutil.copytree(clip, tmp_path / "clip")
-
-
 def raw(folder, **changes):
     values = {"target": 0, "frames": None, "sample_time": 0.1}
     return LabelledFolder(kind="kitti_raw", folder=str(folder), **values | changes)

@@ -36,12 +36,6 @@ from stixel_cli.rendering.images import encode_png
 from stixel_cli.rendering.placement import rig_cameras
 
 
-@pytest.fixture
-def copy(clip, tmp_path):
-    """A clip to damage."""
-    return shutil.copytree(clip, tmp_path / "clip")
-
-
 def test_the_folder_above_training_will_do(clip, tmp_path):
     shutil.copytree(clip, tmp_path / "training")
     assert find_recording(tracking(tmp_path)).count == 5

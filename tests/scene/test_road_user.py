@@ -208,13 +208,6 @@ def test_limbs_move_and_the_box_stays(kind):
     assert scenario.limb_poses[0] != scenario.limb_poses[7]
 
 
-def test_a_car_has_one_contour():
-    scenario = scenario_of("car")
-    assert len(scenario.contours_target) == 1
-    assert len(road_user_meshes(scene_presets.road_user("car"))) == 1
-    assert not scenario.limb_poses.any()
-
-
 @pytest.mark.parametrize("kind", WALKERS)
 def test_limbs_follow_the_distance_and_rest_while_the_target_stands(kind):
     road_user = scene_presets.road_user(kind)

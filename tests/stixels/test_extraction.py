@@ -7,7 +7,6 @@ from boxed_road import BOXES, EXTRACTION, TOPS, as_disparities, columns_of, find
 from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
-from numba import njit
 from numpy.testing import assert_allclose
 from projection import project
 
@@ -29,7 +28,6 @@ from stixel_cli.stixels.grouping import (
 )
 from stixel_cli.stixels.height import (
     Frame,
-    _power_of_two,
     cheapest_tops,
     depth_windows,
     membership_costs,
@@ -67,17 +65,6 @@ def test_boxes_give_stixels(rig, pitch):
         assert_allclose(np.diff(stixels.points_ego[inside, 0]), 5 * distance / 300, rtol=0.02)
     wall = stixels.left > columns_of(rig, BOXES[1])[1] + 5
     assert_allclose(stixels.depth[wall], 30.0, rtol=0.005)
-
-
-def test_free_columns_have_no_stixel(rig):
-    box = (0.0, 10.0, 2.0, 1.5)
-    stixels = pipeline(as_disparities(render(rig), render(rig, boxes=[box])), rig)
-    assert stixels.offsets[:2].tolist() == [0, 0]
-    assert stixels.rows(1) == slice(0, len(stixels.depth))
-    edges = columns_of(rig, box)
-    assert np.all(stixels.right > edges[0])
-    assert np.all(stixels.left < edges[1])
-    assert len(stixels.depth) == pytest.approx(2.0 * rig.focal / 10.0 / 5, abs=2)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
@@ -309,19 +296,6 @@ def test_hidden_rows_raise_the_tops(rig):
     assert_allclose(high.height - low.height, rise, rtol=1e-6)
 
 
-@njit
-def powers(exponents):
-    values = np.empty_like(exponents)
-    for i in range(len(exponents)):
-        values[i] = _power_of_two(exponents[i])
-    return values
-
-
-def test_powers_approximate_exp2():
-    y = np.linspace(-16, 1, 5000, dtype=np.float32)
-    assert_allclose(powers(y), np.exp2(y), atol=3e-6)
-
-
 def test_depth_windows_end_behind_the_obstacle(rig):
     obstacle = np.array([20.0, np.nan, 5.0], dtype=np.float32)
     focal_baseline = rig.focal * rig.baseline
@@ -345,7 +319,7 @@ def test_height_costs_follow_from_the_membership():
         member[columns[u] < 0] = 0
         for v in range(base[u] + 1):
             expected = member[:v].sum() - member[v : base[u] + 1].sum()
-            assert costs[u, v] == pytest.approx(expected, abs=1e-3)
+            assert costs[u, v] == pytest.approx(expected, abs=2e-4)
 
 
 @pytest.mark.parametrize(

@@ -33,13 +33,11 @@ from stixel_cli.stixels.free_space import (
 from stixel_cli.stixels.nearest_obstacle import add_temporal, cell_costs, cheapest_path, refine
 from stixel_cli.stixels.occupancy import (
     BINS_PER_PIXEL,
-    accumulate,
     column_histograms,
     fill,
     layout,
     picture_grid,
     spread_laterally,
-    to_polar,
 )
 from stixel_cli.stixels.parameters import RigRoad
 from stixel_cli.stixels.road import (
@@ -270,18 +268,6 @@ def test_lateral_spread_sums_over_the_columns():
         samples = np.linspace(*ends, 2001)[:-1] + 0.5 * (ends[1] - ends[0]) / 2000
         density = normal(samples[:, None] - np.arange(40), 1.3).mean(axis=0)
         assert got[i, j] == pytest.approx(density @ polar[:, j], abs=1e-3)
-
-
-def test_cartesian_grid_is_resampled_to_the_columns(rig):
-    columns = np.ascontiguousarray(render(rig, boxes=[(-1.0, 12.0, 3.0, 1.5)], wall=30.0).T)
-    line = road_line(0.0, rig.camera_height, rig)
-    grids = {k: layout(o, rig, 64) for k, o in OCCUPANCIES.items()}
-    _, polar = accumulate(columns, line, ROAD, grids["polar"])
-    _, cartesian = accumulate(columns, line, ROAD, grids["cartesian"])
-    back = to_polar(cartesian, grids["cartesian"])
-    u = 140
-    assert np.argmax(back[u]) == np.argmax(polar[u])
-    assert back[u].max() == pytest.approx(polar[u].max(), rel=0.05)
 
 
 @pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])

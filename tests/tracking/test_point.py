@@ -112,20 +112,6 @@ def test_baseline_contour_is_a_circle_with_the_area_of_the_prior(shape):
     np.testing.assert_allclose(std**2 - certain**2, prior.sigma_f**2 + prior.sigma_r**2)
 
 
-def test_baseline_gate_rejects_clutter():
-    car = seen_car(10, 30)
-    clutter = np.array([[30.0, 30.0], [-5.0, 2.0]])
-    alone = track(scans_of(car), START, CAR, TRACKER)
-    mixed = scans_of([np.concatenate([clutter, points]) for points in car])
-    among = track(mixed, START, CAR, TRACKER)
-    np.testing.assert_array_equal(among.means, alone.means)
-    # The two points of clutter are the first of every scan.
-    own = np.flatnonzero(np.arange(10 * 32) % 32 >= 2)
-    np.testing.assert_array_equal(among.used_points, own[alone.used_points])
-    scan_of_each = np.repeat(np.arange(10), np.diff(among.used_offsets))
-    np.testing.assert_array_equal(scan_of_each, among.used_points // 32)
-
-
 @given(seed=SEEDS)
 def test_heading_variance_matches_its_linearisation(seed):
     random = np.random.default_rng(seed)

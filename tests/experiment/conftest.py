@@ -1,0 +1,6 @@
+import pytest
+
+
+@pytest.fixture
+def results(tmp_path):
+    return tmp_path / "results"
