@@ -153,7 +153,7 @@ def test_stated_deviation_of_the_contour_is_that_of_random_states(name):
     """Along the ray from the estimated centre, over the states of the stated covariance."""
     shape = replace(SHAPES[name], outline_stds=np.zeros(len(SHAPES[name].outline)))
     mean = np.append([3.0, 9.0, 0.7, 2.0, 0.0, 0.05, -0.05], np.zeros(NODES))
-    root = np.diag([0.02, 0.015, 0.03, 0.0, 0.0, 0.02, 0.02] + [0.0] * NODES)
+    root = np.diag([0.02, 0.015, 0.03, 0.0, 0.0, 0.02, 0.02] + [0.03] * NODES)
     residual = Residual(shape)
     _, directions, std = contours_of(mean[None], (root @ root)[None], shape, 90, residual)
     random = np.random.default_rng(1)
