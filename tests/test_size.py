@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_837
+TOTAL = 44_842
 """Greatest number of lines in all."""
 
 MODULES = 242
@@ -26,7 +26,7 @@ BUDGET = {
     "calibration": 559,
     "cli": 2576,
     "config": 2486,
-    "engine": 4060,
+    "engine": 4065,
     "evaluation": 1570,
     "experiment": 1225,
     "export": 695,

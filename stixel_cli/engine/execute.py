@@ -93,8 +93,8 @@ def execute(
     With `keep_going` a failing node does not stop the others: nodes that depend on it are skipped,
     and the failures are in the returned execution.
 
-    The nodes that the targets `first` need are computed before all others. `on_first` is called
-    once, as soon as the targets `first` are in the store.
+    The nodes that the targets `first` need are computed before all others; while this process does
+    one, the workers do others. `on_first` is called once, as soon as `first` are in the store.
 
     Raises:
         StageFailure: a stage raised an error, exceeded its time limit, or crashed its worker twice.

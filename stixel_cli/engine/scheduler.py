@@ -257,7 +257,8 @@ class Scheduler:
         sources = {key: [s for s in nodes[key].sources if s in wanted] for key in keys}
         sorter = TopologicalSorter(sources)
         sorter.prepare()
-        self._ready: list[tuple[bool, int, int, str]] = []
+        # Of the workers, and of this process.
+        self._ready: dict[bool, list[tuple[bool, int, int, str]]] = {False: [], True: []}
         self._order = {key: position for position, key in enumerate(keys)}
         while True:
             for key in sorter.get_ready():
@@ -284,8 +285,8 @@ class Scheduler:
 
     def _push(self, key: str) -> None:
         # Deepest first, so that each chunk finishes early.
-        depth = self.graph.nodes[key].depth
-        heapq.heappush(self._ready, (key not in self.first, -depth, self._order[key], key))
+        depth, order = self.graph.nodes[key].depth, self._order[key]
+        heapq.heappush(self._ready[key in self.here], (key not in self.first, -depth, order, key))
 
     def _submit_ready(self) -> None:
         """Submit ready nodes up to the limit of the pool."""
@@ -295,8 +296,12 @@ class Scheduler:
             if not self._in_flight:
                 self._submit(self._suspects.popleft())
             return
-        while self._ready and len(self._in_flight) < self.pool.limit and self._fatal is None:
-            self._submit(heapq.heappop(self._ready)[-1])
+        of_workers, here = self._ready[False], self._ready[True]
+        while of_workers and len(self._in_flight) < self.pool.limit and self._fatal is None:
+            self._submit(heapq.heappop(of_workers)[-1])
+        # Last, as this process is busy until it is done.
+        if here and self._fatal is None:
+            self._submit(heapq.heappop(here)[-1])
 
     def _submit(self, key: str) -> None:
         node = self.graph.nodes[key]

@@ -166,18 +166,18 @@ def test_the_first_targets_are_computed_before_the_others(project, executor):
     assert len(stored) == 2, "also if everything is cached"
 
 
-def test_few_first_targets_are_computed_in_this_process(project):
-    project.add_line("gather", "log.process()")
-    project.edit("show", "return", "log.process(); return")
-    with (project.package / "log.py").open("a") as file:
-        file.write("\ndef process():\n    called(str(os.getpid()))\n")
+def test_few_first_targets_are_computed_in_this_process(project, monkeypatch):
+    project.add_line("gather", "import os; log.called(str(os.getpid()))")
+    project.edit("show", "return", "import os; log.called(str(os.getpid())); return")
     project.run()
     project.calls()
     known = {project.function("gather"): 0.01, project.function("show"): 100.0}
     store_json(project.store.folder, "", DURATIONS, known)
-    options = {"executor": LocalExecutor("local", 1, None), "first": ["gather"]}
+    begun, options = [], {"executor": LocalExecutor("local", 1, None), "first": ["gather"]}
+    monkeypatch.setattr(Progress, "started", lambda _, node: begun.append(node.stage.name))
     project.run(project.graph(seed=2, frames=(3,)), ("gather", "grid", "show"), **options)
     calls = project.calls()
+    assert begun == ["grid", "gather", "show"], "no worker waits for this process"
     assert calls[1:] == [calls[1], "gather", "grid 3", "show 3"]
     assert sum(call == str(os.getpid()) for call in calls) == 1, "gather here, show in a worker"
 
