@@ -158,7 +158,7 @@ def test_runs_and_nodes_are_counted(capsys, monkeypatch):
     before, waiting = sweep.plan.runs[:2], sweep.plan.runs[2:]
     sweep.runs.update({run.index: run for run in before})
     sweep.wait_for(waiting)
-    sweep.expect({"track": 4.0}, workers=2)
+    sweep.known, sweep.workers = {"track": 4.0}, 2
     tracks = [one.graph.of_stage("track")[0] for one in waiting]
     scores = [one.graph.nodes[one.targets[0]] for one in waiting]
     sweep.begin([*tracks, *scores[:2]], cached=7)
