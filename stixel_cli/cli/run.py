@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -81,10 +82,7 @@ def run(
 
 
 def print_run(made: "RunResult", json: bool, verbose: bool) -> None:
-    """Print the time and the folder of a run whose scores are printed; with `json` the scores too.
-
-    With `verbose` the names of the computed stages are printed as well.
-    """
+    """Print a run's time, stages (their names if `verbose`) and folder; with `json` its scores."""
     if json:
         from stixel_cli.evaluation.verdict import verdict
 
@@ -111,16 +109,18 @@ def print_scores(verbose: bool, scores: "Scores") -> None:
     from stixel_cli.evaluation.verdict import verdict
     from stixel_cli.report import metrics
 
-    for sentence in verdict(scores.metrics):
-        say_wrapped(sentence, _STYLES.get(sentence.partition(":")[0], "yellow"))
     shown = metrics.in_order(scores.metrics) if verbose else metrics.main_metrics(scores.metrics)
-    say("")
-    print_table(*metrics.score_table(shown))
-    say("")
-    if labels := metrics.label_rows(scores.labels):
-        print_table(metrics.LABEL_COLUMNS, labels, right=range(1, len(metrics.LABEL_COLUMNS)))
+    # A reader that ends, as `head` does, ends no run: from then on Rich writes to the null device.
+    with suppress(SystemExit):
+        for sentence in verdict(scores.metrics):
+            say_wrapped(sentence, _STYLES.get(sentence.partition(":")[0], "yellow"))
         say("")
-    sys.stdout.flush()
+        print_table(*metrics.score_table(shown))
+        say("")
+        if labels := metrics.label_rows(scores.labels):
+            print_table(metrics.LABEL_COLUMNS, labels, right=range(1, len(metrics.LABEL_COLUMNS)))
+            say("")
+        sys.stdout.flush()
 
 
 def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":

@@ -225,6 +225,16 @@ def test_reader_that_goes_away_is_no_crash():
     assert done.returncode in (0, 1)
 
 
+def test_a_reader_that_ends_loses_no_run(tmp_path):
+    words = ["run", "measurement=fabricated", "path.duration=0.3", "pictures.frames=[]"]
+    line = " ".join(f"'{part}'" for part in [*STIXEL, *words, "--name", "piped"])
+    cache = os.environ | {"STIXEL_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+    shell = f"{line} | head -n 1; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", shell], capture_output=True, cwd=tmp_path, env=cache)
+    assert done.returncode == 0 and done.stdout.count(b"\n") == 1
+    assert (tmp_path / "results" / "piped" / "index.html").exists()
+
+
 @pytest.mark.parametrize(
     ("line", "code", "said", "printed"),
     [
