@@ -75,8 +75,8 @@ def _check_entry(file: Path, name: str, value: Any, like: Any) -> None:
         if not isinstance(value, dict):
             raise UserError(f"{file}: {name}: must map names to numbers")
         within = f"{name}." if name else ""
-        for unknown in (one for one in value if one not in like):
-            raise UserError(f"{file}: {within}{unknown[:40]}: not an entry of a class file")
+        if unknown := [one for one in value if one not in like]:
+            raise UserError(f"{file}: {within}{unknown[0][:40]}: not an entry of a class file")
         for inner in (one for one in like if one in value or one not in OPTIONAL):
             _check_entry(file, within + inner, value.get(inner), like[inner])
         return
