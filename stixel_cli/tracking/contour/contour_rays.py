@@ -29,8 +29,8 @@ GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
 
 EDGE_ON = 2.5
-"""Baselines. A face whose plane passes the left camera by less is so much shorter in the right image
-that a matcher loses it: 39 columns of a car's side, .83 m aside, are 14 there with `rig=kitti`."""
+"""Baselines. A face whose plane passes the left camera by less is so short in the right image that
+a matcher loses it: 39 columns of a car's side, .83 m aside, are 14 there with `rig=kitti`."""
 
 FACES = 2
 """Errors of a target at the heights of its points: of its ends and of its sides."""
