@@ -26,6 +26,7 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.background import Background
+from stixel_cli.tracking.consider import with_sensor_errors
 from stixel_cli.tracking.contour.class_size import ClassSize, class_size, states_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
@@ -56,14 +57,14 @@ def track(
     """
     scans, used = scans.nearest_returns()
     of_heights = 0 if scans.heights is None else FACES
-    bank = ClassBank(initial, prior, tracker, scans.shared_errors.count + of_heights)
+    bank = ClassBank(initial, prior, tracker, of_heights)
     for k, interval in enumerate(intervals(scans.times)):
         rows, sensor = scans.rows(k), scans.sensor_poses_world[k]
         points = scans.points_world[rows], scans.covariances_world[rows]
-        shared = scans.shared_directions(k, points[0])
         heights = None if scans.heights is None else scans.heights[rows]
-        bank.step(interval, rays_of(*points, sensor, scans.field_of_view, shared, heights))
-    return bank.track(scans.times, scans.offsets[:-1]).of_points(used)
+        bank.step(interval, rays_of(*points, sensor, scans.field_of_view, heights=heights))
+    track = bank.track(scans.times, scans.offsets[:-1])
+    return with_sensor_errors(track, scans).of_points(used)
 
 
 class ClassBank:

@@ -54,7 +54,6 @@ from stixel_cli.tracking.contour.contour_update import (
     SEEN,
     Hypothesis,
     Measurement,
-    constant_errors,
 )
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.kalman import smooth
@@ -68,8 +67,8 @@ SIZE_TIME = 10.0
 class ClassFilter:
     """The filter of a target of one class: predict, associate, update at each scan.
 
-    The state starts as `initial`, with the size of the class's `prior`. The sensor has so many
-    errors that all scans share, `sensor_errors`. Reads no truth. It keeps its state between scans,
+    The state starts as `initial`, with the size of the class's `prior`. The target has so many
+    errors that all scans share, `shared_errors`. Reads no truth. It keeps its state between scans,
     as the filters of all classes take the same scan before the next.
 
     Attributes:
@@ -84,16 +83,14 @@ class ClassFilter:
         shape: ClassShape,
         sight: Sight,
         tracker: ContourParameters,
-        sensor_errors: int,
+        shared_errors: int,
     ):
         self._tracker, self._road_user = tracker, prior.road_user
         self._shape, self.sight = shape, sight
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
         self._size_stds = np.array([tracker.length_std, tracker.width_std])
         mean, covariance = start(initial, prior, shape, tracker, sight.residual)
-        joint = JointCovariance(covariance, np.full(sensor_errors + 2, np.inf))
-        # The last two are the size's deviation from the class's: at the start, all of its error.
-        joint.matrix[[5, 6], [-2, -1]] = joint.matrix[[-2, -1], [5, 6]] = self._size_stds
+        joint = JointCovariance(covariance, np.full(shared_errors, np.inf))
         self._hypotheses = [Hypothesis((mean, covariance, joint))]
         self._size = len(mean)
         self._reported: list[Hypothesis] = []
@@ -153,14 +150,7 @@ class ClassFilter:
         mean, covariance, joint = one.state
         mean, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
         covariance, joint = matrix @ covariance @ matrix.T + noise, joint.copy()
-        pulled = np.zeros((len(mean), len(joint.matrix)))
-        pulled[:, : len(mean)] = matrix
-        if self._road_user != OTHER:
-            # A size is constant: the noise is in the gain only, and the pull to the class's size
-            # adds to the error. The size of the free form makes up for its shape, and may change.
-            pulled[[5, 6], [-2, -1]] = (1.0 - matrix[5, 5]) * self._size_stds
-            noise[[5, 6], [5, 6]] = 0.0
-        joint.predict(pulled, noise, interval)
+        joint.predict(matrix, noise, interval)
         prediction = mean, covariance, joint
         rays = self._at_heights(rays, mean)
         indices = associate(
@@ -205,14 +195,12 @@ class ClassFilter:
         if self._tracker.lag == 0 or not count:
             return filtered
         steps = [one.step for one in self._reported]
-        estimates, covariances = smooth(steps, self._tracker.lag, heading=2)
-        means, shared = estimates[..., 0], estimates[..., 1:]
+        means, covariances = smooth(steps, self._tracker.lag, heading=2)
         # Smoothing leaves the same share of the stated covariance as of the gain's.
-        for k, (one, spread) in enumerate(zip(self._reported, shared, strict=True)):
-            _, of_gain, joint = one.state
-            own = np.diag(self._covariances[k]) - (constant_errors(joint) ** 2).sum(axis=1)
-            scale = np.sqrt(np.maximum(own, 0.0) / np.maximum(np.diag(of_gain), 1e-12))
-            covariances[k] = np.outer(scale, scale) * covariances[k] + spread @ spread.T
+        for k, one in enumerate(self._reported):
+            own, of_gain = np.diag(self._covariances[k]), np.diag(one.state[1])
+            scale = np.sqrt(np.maximum(own, 0.0) / np.maximum(of_gain, 1e-12))
+            covariances[k] = np.outer(scale, scale) * covariances[k]
         smoothed = self._track(times[:count], offsets[:count], estimates=(means, covariances))
         return replace(filtered, smoothed=replace(smoothed, lag=self._tracker.lag))
 

@@ -64,14 +64,8 @@ class Hypothesis:
 
     @cached_property
     def step(self) -> Step:
-        """What smoothing needs of this scan.
-
-        What errors that all scans share move goes through the filter as the mean does: no scan
-        shows it.
-        """
-        states = []
-        for mean, covariance, joint in (self.state, (self.prior or self).state):
-            states += [np.column_stack([mean, constant_errors(joint)]), covariance]
+        """What smoothing needs of this scan."""
+        states = *self.state[:2], *(self.prior or self).state[:2]
         return Step(*states, self.before and self.before.step, self.transition)
 
 
@@ -216,8 +210,3 @@ class Measurement:
         freedom = self._tracker.degrees_of_freedom
         own *= np.maximum((freedom + squared) / (freedom + 1.0), 1.0)
         return matrix, np.append(own, measured.miss_variances[rows.insides < 0.0])
-
-
-def constant_errors(joint: JointCovariance) -> np.ndarray:
-    """How far m errors that stay, of the sensor and of the class's size, move a state: (d, m)."""
-    return joint.matrix[: joint.size, joint.size :]
