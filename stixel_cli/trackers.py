@@ -90,7 +90,7 @@ class Contour:
         prior, parameters = _parameters(road_user, {"seen_by": sensor} | settings)
         if not isinstance(start, InitialState):
             start = _at_pose(_array("start", start, (3,)), road_user)
-        self._bank = ClassBank(start, prior, replace(parameters, lag=0), shared_errors.count)
+        self._bank = ClassBank(start, prior, replace(parameters, lag=0))
         self._field_of_view, self._shared_errors = field_of_view, shared_errors
         self._time, self._sensor_pose = start_time, None
 
@@ -118,15 +118,14 @@ class Contour:
             raise ArgumentError(f"time: must not be before {self._time:g} s, got {time:g}")
         before = sensor_pose if self._sensor_pose is None else self._sensor_pose
         rates = pose_rates(before, sensor_pose, interval)
-        shared = self._shared_errors.directions(points, sensor_pose, rates)
         self._time, self._sensor_pose = time, sensor_pose
         interval = min(interval, LONGEST_GAP)
-        seen = rays_of(points, covariances, sensor_pose, self._field_of_view, shared)
-        self._bank.step(interval, seen)
+        self._bank.step(interval, rays_of(points, covariances, sensor_pose, self._field_of_view))
         track = self._bank.latest()
+        moved = self._shared_errors.pose_shifts(track.means[0], sensor_pose, rates)
         return Estimate(
             track.means[0, :3],
-            track.covariances[0, :3, :3],
+            track.covariances[0, :3, :3] + moved @ moved.T,
             track.means[0, 3:5],
             track.boxes[0],
             track.contours_world[0],

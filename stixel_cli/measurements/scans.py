@@ -18,8 +18,8 @@ BEHIND = 2.0
 class SharedErrors:
     """Standard deviations of errors that stay the same over all scans; 0 or empty: there is none.
 
-    A point's own covariance does not contain them. A tracker cannot average them out: it considers
-    them, see `tracking/consider.py`.
+    A point's own covariance does not contain them. A tracker cannot average them out: they are
+    added to what it states, see `tracking/consider.py`.
 
     Attributes:
         disparity: independent errors of a stereo rig's disparity, each three coefficients, 1/m, of
@@ -71,6 +71,17 @@ class SharedErrors:
         if self.time > 0.0:
             moved.append(self.time * (sensor_rates[:2] + sensor_rates[2] * turned))
         return np.stack(moved, axis=-1) if moved else np.zeros((len(offsets), 2, 0))
+
+    def pose_shifts(
+        self, pose: np.ndarray, sensor_pose: np.ndarray, sensor_rates: np.ndarray
+    ) -> np.ndarray:
+        """How a target at `pose` (3,) is moved and turned, as its points are: (3, m) m and rad.
+
+        The other arguments are those of `directions`.
+        """
+        triangle = pose[:2] + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+        here, ahead, left = self.directions(triangle, sensor_pose, sensor_rates)
+        return np.vstack([here, 0.5 * ((ahead - here)[1] - (left - here)[0])])
 
 
 NO_SHARED_ERRORS = SharedErrors()
@@ -203,16 +214,14 @@ class Scans:
         found = np.flatnonzero(kept)
         return (self if kept.all() else self.of_rows(found)), found
 
-    def shared_directions(self, k: int, points_world: np.ndarray) -> np.ndarray:
-        """How `points_world` (n, 2) m of scan k move by its m shared errors: (n, 2, m) m each.
+    def pose_shifts(self, k: int, pose: np.ndarray) -> np.ndarray:
+        """How the m shared errors move a target at `pose` (3,) in scan k: (3, m) m and rad.
 
         The sensor moves as since the scan before; at the first scan it stands still.
         """
-        if not self.shared_errors.count:
-            return np.zeros((len(points_world), 2, 0))
         before, poses = max(k - 1, 0), self.sensor_poses_world
         rates = pose_rates(poses[before], poses[k], self.times[k] - self.times[before])
-        return self.shared_errors.directions(points_world, poses[k], rates)
+        return self.shared_errors.pose_shifts(pose, poses[k], rates)
 
 
 def points_along(

@@ -128,14 +128,12 @@ def with_sensor_errors(track: Track, scans: Scans) -> Track:
 
     No scan shows an error of the sensor that stays: it moves the target as it moves its points.
     """
-    if not scans.shared_errors.count or not len(track.times):
+    if not scans.shared_errors.count:
         return track
     moved = np.zeros((*track.means.shape, scans.shared_errors.count))
     for k, mean in enumerate(track.means):
-        here, ahead, left = scans.shared_directions(k, mean[:2] + TRIANGLE)
-        moved[k, :2], moved[k, 2] = here, 0.5 * ((ahead - here)[1] - (left - here)[0])
-    if len(track.times) > 1:
-        moved[:, 3:6] = np.gradient(moved[:, :3], track.times, axis=0)
+        moved[k, :3] = scans.pose_shifts(k, mean[:3])
+    moved[1:, 3:6] = np.diff(moved[:, :3], axis=0) / np.diff(track.times)[:, None, None]
     added = moved @ moved.transpose(0, 2, 1)
     variances = track.contour_std**2 + shift_variances(track.contour_directions, added)
     return replace(
@@ -145,6 +143,3 @@ def with_sensor_errors(track: Track, scans: Scans) -> Track:
         smoothed=track.smoothed and with_sensor_errors(track.smoothed, scans),
     )
 
-
-TRIANGLE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-"""Points, m, by whose motion a target is seen to move and to turn."""

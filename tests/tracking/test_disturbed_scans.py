@@ -170,7 +170,7 @@ def test_the_other_classes_change_nothing_while_the_prior_fits(user):
     # Of a lidar's points a class has one form, and so one filter.
     tracker = dataclasses.replace(p.tracker, seen_by="lidar")
     seen = class_shape(user), sight_of(user, tracker)
-    alone = ClassFilter(initial, p.prior, *seen, tracker, sensor_errors=0)
+    alone = ClassFilter(initial, p.prior, *seen, tracker, face_errors=0)
     for k, interval in enumerate(intervals(scans.times)):
         rays = rays_of(*points_of(scans, k), scans.sensor_poses_world[k], scans.field_of_view)
         alone.step(interval, rays, recovers=True)

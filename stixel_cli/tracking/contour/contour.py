@@ -56,8 +56,7 @@ def track(
     The state starts as `initial`, one sample before the first scan.
     """
     scans, used = scans.nearest_returns()
-    of_heights = 0 if scans.heights is None else FACES
-    bank = ClassBank(initial, prior, tracker, of_heights)
+    bank = ClassBank(initial, prior, tracker, 0 if scans.heights is None else FACES)
     for k, interval in enumerate(intervals(scans.times)):
         rows, sensor = scans.rows(k), scans.sensor_poses_world[k]
         points = scans.points_world[rows], scans.covariances_world[rows]
@@ -80,7 +79,7 @@ class ClassBank:
         initial: InitialState,
         prior: PriorShape,
         tracker: ContourParameters,
-        shared_errors: int = 0,
+        face_errors: int = 0,
     ):
         self._filters, self._lag = {}, tracker.lag
         self._own = None if prior.road_user == "unknown" else prior.road_user
@@ -89,11 +88,11 @@ class ClassBank:
                 start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
                 for form, seen in forms_of(road_user, prior, parameters).items():
                     self._filters[road_user, form] = ClassFilter(
-                        start, of_class, *seen, shared_errors
+                        start, of_class, *seen, face_errors
                     )
         if tracker.road_user == "estimated" and not (prior.class_file or states_size(prior)):
             of_none, *seen = free_form(prior, tracker)
-            self._filters[OTHER, "free"] = ClassFilter(initial, of_none, *seen, shared_errors)
+            self._filters[OTHER, "free"] = ClassFilter(initial, of_none, *seen, face_errors)
         self._kept, self._best = dict(self._filters), 0.0
         self._background = Background()
         self._start = next((key for key in self._filters if key[0] == self._own), None)

@@ -67,9 +67,9 @@ SIZE_TIME = 10.0
 class ClassFilter:
     """The filter of a target of one class: predict, associate, update at each scan.
 
-    The state starts as `initial`, with the size of the class's `prior`. The target has so many
-    errors that all scans share, `shared_errors`. Reads no truth. It keeps its state between scans,
-    as the filters of all classes take the same scan before the next.
+    The state starts as `initial`, with the size of the class's `prior`. So many `face_errors` of
+    the target at its points' heights are considered, see `at_heights`. Reads no truth. It keeps its
+    state between scans, as the filters of all classes take the same scan before the next.
 
     Attributes:
         log_weights: of the class after each scan, see `contour.py`.
@@ -83,14 +83,14 @@ class ClassFilter:
         shape: ClassShape,
         sight: Sight,
         tracker: ContourParameters,
-        shared_errors: int,
+        face_errors: int,
     ):
         self._tracker, self._road_user = tracker, prior.road_user
         self._shape, self.sight = shape, sight
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
         self._size_stds = np.array([tracker.length_std, tracker.width_std])
         mean, covariance = start(initial, prior, shape, tracker, sight.residual)
-        joint = JointCovariance(covariance, np.full(shared_errors, np.inf))
+        joint = JointCovariance(covariance, np.full(face_errors, np.inf))
         self._hypotheses = [Hypothesis((mean, covariance, joint))]
         self._size = len(mean)
         self._reported: list[Hypothesis] = []
