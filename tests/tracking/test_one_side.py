@@ -88,13 +88,14 @@ def across(side):
 
 
 def test_a_contour_beside_its_points_moves_to_their_ends():
-    """The wider a class, the less: .2 m, as of a car, kept a pedestrian .07 m uncertain, not .04."""
+    """The narrower, the surer: with .2 m, right for a car, a pedestrian was too uncertain."""
     prior = configured("road_user=cyclist").prior
     _, side = side_of(prior, "fabricated")
     mean, covariance = across(side)
     rays = row_of_points(side, mean, 0.0)
     middle = side.between_ends(rays, mean, covariance)[0]
-    placed, gain, row, variance = side.between_ends(row_of_points(side, mean, 0.4), mean, covariance)
+    beside = row_of_points(side, mean, 0.4)
+    placed, gain, row, variance = side.between_ends(beside, mean, covariance)
     assert variance == (END_SHARE * prior.width) ** 2
     share = 0.1 / (0.1 + variance)
     assert gain[:2] == pytest.approx([-share, 0.0], abs=0.05)
