@@ -3,8 +3,8 @@
 The estimate's gain takes neighbouring points for independent ones, with a noise so large that their
 shared error hardly matters. The covariance that goes with that gain alone is too large where the
 errors are small, and too small where they are shared. This is the covariance of the same estimate
-with the errors that are there (`consider.py`): the points' own noise, the size and shape of the
-class, the shape that the sensor sees, in which limbs swing, and what all scans share.
+with the errors that are there (`consider.py`): the points' own noise, the size of the class, the
+shape that the sensor sees, in which road users differ and limbs swing, and what all scans share.
 """
 
 import numpy as np
@@ -33,9 +33,9 @@ class StatedCovariance(JointCovariance):
 
     @property
     def reported(self) -> np.ndarray:
-        """Covariance (6 + N, 6 + N) of pose, rates, and radii with the limbs where they are."""
+        """Covariance (6 + N, 6 + N) of pose, rates, and radii of this target in this moment."""
         reported = self.matrix[: self.size, : self.size].copy()
-        reported[6:, 6:] += self.side.limb_covariance
+        reported[6:, 6:] += self.side.shape_covariance
         return reported
 
     def correct_by_scan(

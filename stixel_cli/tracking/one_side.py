@@ -40,11 +40,12 @@ REACH, REACH_BESIDE = 0.5, 0.3
 """A point this near the contour, m, is the target's: of the segment of neighbouring rays on which
 the contour was placed, and of other segments. Inside the contour it may be twice as far."""
 
-PLACING_STD, TAIL = 0.1, 0.3
-"""Of a point, m, to place the contour on a segment: standard deviation, scale of its heavy tail."""
+PLACING_STD = 0.1
+"""Of a point, m, to place the contour on a segment; the scale of its heavy tail is `REACH`."""
 
-END_STD = 0.2
-"""Of the places of the first and the last point at the ends of the outline, m."""
+END_SHARE = 0.17
+"""Of the prior's width: standard deviation of the places of the first and the last point at the
+ends of the outline."""
 
 
 class OneSide:
@@ -53,8 +54,9 @@ class OneSide:
     Attributes:
         radii: (N,) m at the angles of the `process`: of the class's outline in the prior's size, or
             of the prior's shape if the class is unknown.
-        radii_covariance: (N, N) m², of the class's sizes and shapes; of the process if unknown.
-        limb_covariance: (N, N) m², of the changes of the radii as the target moves.
+        radii_covariance: (N, N) m², of the class's sizes; of the process if unknown.
+        shape_covariance: (N, N) m², of how far radii of this size may be off: shapes of the class,
+            its limbs, and the roughness. Reported alone: in a scan the visible shape contains it.
         roughness: m, root mean square of what the process leaves out of the class's outline: its
             corners and wheels are sharper.
         shared_errors: number of the errors that all scans share, of the sensor and of the heights.
@@ -67,8 +69,8 @@ class OneSide:
         self._process, self._scans, self.shared_errors = process, scans, scans.shared_errors.count
         self._background, self._sight = Background(), None
         self.radii = prior_radii(prior, process.basis_angles)
-        self.radii_covariance, self.limb_covariance = process.covariance, 0.0 * process.covariance
-        self.std_factor, self.roughness = 1.0, 0.0
+        self.radii_covariance, self.shape_covariance = process.covariance, 0.0 * process.covariance
+        self.std_factor, self.roughness, self._end_std = 1.0, 0.0, END_SHARE * prior.width
         if prior.road_user == "unknown":
             return
         shape = class_shape(prior.road_user)
@@ -82,14 +84,11 @@ class OneSide:
         self.roughness = float(np.sqrt(np.mean(missed**2)))
         modes = outline_modes(prior.road_user)
         angles = 2.0 * np.pi * np.arange(MODE_ANGLES) / MODE_ANGLES
-        fixed, limbs = (
-            np.reshape([self._at(angles, mode) for mode in group], (-1, len(self.radii)))
-            for group in (modes.fixed, modes.limbs)
-        )
-        self.limb_covariance = limbs.T @ limbs
+        shapes = np.stack([self._at(angles, one) for one in (*modes.fixed, *modes.limbs)])
+        self.shape_covariance = shapes.T @ shapes + self.roughness**2 * np.eye(len(self.radii))
         stds = np.array([prior.length_std, prior.width_std])
         sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
-        self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
+        self.radii_covariance = sizes.T @ sizes
         self._sight = sight = sight_of(prior.road_user, tracker)
         self._tables = sight.table, outline_table(shape.outline)
         self.std_factor = sight.std_factor
@@ -135,7 +134,7 @@ class OneSide:
             return candidates
         labels = segments(rays)[candidates]
         model = linearise(rays.points_world[candidates], mean, self._process)
-        weights = 1.0 / (1.0 + (model.residuals / TAIL) ** 2)
+        weights = 1.0 / (1.0 + (model.residuals / REACH) ** 2)
         main = labels == np.bincount(labels, weights).argmax()
         found = placed(model.pose_matrix[main], model.residuals[main], covariance)
         step, posterior = found[0], found[1:]
@@ -184,8 +183,8 @@ class OneSide:
         offset = apart(row, mean, basis, rays.sensor, rays.directions, ends, seen)
         # As if only the place were wrong: the ends do not tell a turn from a shift.
         spread = covariance[:, :2] @ row[:2]
-        gain = spread / (row[:2] @ spread[:2] + END_STD**2)
-        return mean + gain * offset, gain, row, END_STD**2
+        gain = spread / (row[:2] @ spread[:2] + self._end_std**2)
+        return mean + gain * offset, gain, row, self._end_std**2
 
 
 @returning(lambda *_: (np.zeros((4, 3)), np.empty((2, 3))))
@@ -208,7 +207,7 @@ def placed(found, work, slopes, residuals, covariance):
                 for k in range(3):
                     spread[j] += posterior[j, k] * slopes[i, k]
                 variance += slopes[i, j] * spread[j]
-            variance += PLACING_STD**2 * (1.0 + (left / TAIL) ** 2)
+            variance += PLACING_STD**2 * (1.0 + (left / REACH) ** 2)
             for j in range(3):
                 mean[j] += spread[j] / variance * innovation
                 for k in range(3):
