@@ -12,14 +12,11 @@ problems*. The considered errors are not corrected; each is forgotten in its own
 """
 
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.kernel import returning
-from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.track import Track, shift_variances
 
 NODES = 16
 """Nodes over the outline of what neighbouring points share of a shape's error: 1 m of a car."""
@@ -121,25 +118,3 @@ def field_weights(angles: np.ndarray) -> np.ndarray:
     """`node_weights` (n, 16) of unit norm, as the field's nodes have unit variance."""
     weights = node_weights(angles)
     return weights / np.sqrt(np.einsum("ij,ij->i", weights, weights))[:, None]
-
-
-def with_sensor_errors(track: Track, scans: Scans) -> Track:
-    """The `track` of where the sensor shows the target, as uncertain as what all scans share.
-
-    No scan shows an error of the sensor that stays: it moves the target as it moves its points.
-    """
-    if not scans.shared_errors.count:
-        return track
-    moved = np.zeros((*track.means.shape, scans.shared_errors.count))
-    for k, mean in enumerate(track.means):
-        moved[k, :3] = scans.pose_shifts(k, mean[:3])
-    moved[1:, 3:6] = np.diff(moved[:, :3], axis=0) / np.diff(track.times)[:, None, None]
-    added = moved @ moved.transpose(0, 2, 1)
-    variances = track.contour_std**2 + shift_variances(track.contour_directions, added)
-    return replace(
-        track,
-        covariances=track.covariances + added,
-        contour_std=np.sqrt(variances),
-        smoothed=track.smoothed and with_sensor_errors(track.smoothed, scans),
-    )
-

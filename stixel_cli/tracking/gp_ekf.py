@@ -22,7 +22,12 @@ from stixel_cli.tracking.kalman import Step, smooth
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Filtered, Scan
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
-from stixel_cli.tracking.track import InitialState, Track, contour_directions
+from stixel_cli.tracking.track import (
+    InitialState,
+    Track,
+    contour_directions,
+    with_sensor_errors,
+)
 
 if TYPE_CHECKING:
     from stixel_cli.tracking.gp_ekf_covariance import StatedCovariance
@@ -138,11 +143,12 @@ def track(
     means, covariances = filtered.states
     track = reported(means, covariances)
     if tracker.lag == 0:
-        return track
+        return with_sensor_errors(track, scans)
     smoothed_means, smoothed_covariances = smooth(steps, tracker.lag, heading=2)
     # Of errors that scans share, later scans take little: those of the filter are stated.
     smoothed = reported(smoothed_means, covariances if stated else smoothed_covariances)
-    return replace(track, smoothed=replace(smoothed, lag=tracker.lag))
+    track = replace(track, smoothed=replace(smoothed, lag=tracker.lag))
+    return with_sensor_errors(track, scans)
 
 
 def _updated(

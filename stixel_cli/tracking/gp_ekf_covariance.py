@@ -27,7 +27,7 @@ class StatedCovariance(JointCovariance):
         self.side, count = side, len(side.radii)
         memories = np.repeat(
             [1.0 / forgetting_rate if forgetting_rate else np.inf, FIELD_TIME, np.inf],
-            [count, NODES, side.shared_errors],
+            [count, NODES, side.face_errors],
         )
         super().__init__(block_diag(initial, side.radii_covariance), memories, count)
 

@@ -59,14 +59,14 @@ class OneSide:
             its limbs, and the roughness. Reported alone: in a scan the visible shape contains it.
         roughness: m, root mean square of what the process leaves out of the class's outline: its
             corners and wheels are sharper.
-        shared_errors: number of the errors that all scans share, of the sensor and of the heights.
+        face_errors: number of a target's errors at the heights of its points, see `at_heights`.
         std_factor: on the standard deviation of a point, see `VisibleShape`.
     """
 
     def __init__(
         self, prior: PriorShape, tracker: "GpEkfParameters", process: ContourProcess, scans: Scans
     ):
-        self._process, self._scans, self.shared_errors = process, scans, scans.shared_errors.count
+        self._process, self._view, self.face_errors = process, scans.field_of_view, 0
         self._background, self._sight = Background(), None
         self.radii = prior_radii(prior, process.basis_angles)
         self.radii_covariance, self.shape_covariance = process.covariance, 0.0 * process.covariance
@@ -93,7 +93,7 @@ class OneSide:
         self._tables = sight.table, outline_table(shape.outline)
         self.std_factor = sight.std_factor
         if scans.heights is not None and sight.height_insets is not None:
-            self.shared_errors += FACES
+            self.face_errors = FACES
 
     def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
         """`values` (n,) at the `bearings` (n,) rad of an outline, at the basis angles (N,)."""
@@ -105,9 +105,8 @@ class OneSide:
         `mean` (6 + N,) is the target's state, `position` (2, 2) m² the covariance of its place.
         Points of an unknown class stay. Also the standard deviations (n,) m of these moves.
         """
-        seen, sensor = (scan.points, scan.covariances), scan.sensor
-        shared = self._scans.shared_directions(scan.k, scan.points)
-        rays = rays_of(*seen, sensor, self._scans.field_of_view, shared, scan.heights)
+        sensor = scan.sensor
+        rays = rays_of(scan.points, scan.covariances, sensor, self._view, scan.heights)
         spread = np.sqrt(max(np.trace(position), 0.0))
         others = self._background.others(rays, mean[:2], mean[6:].max(), spread)
         if self._sight is None or not len(scan.points):

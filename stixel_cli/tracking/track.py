@@ -11,6 +11,8 @@ from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 if TYPE_CHECKING:
     import pandas
 
+    from stixel_cli.measurements.scans import Scans
+
 OTHER = "other"
 """The class of a target that is no road user of a known class."""
 
@@ -232,6 +234,27 @@ def shift_variances(directions: np.ndarray, covariances: np.ndarray) -> np.ndarr
     (K, D, D), of the centre first.
     """
     return np.einsum("kmi,kij,kmj->km", directions, covariances[:, :2, :2], directions)
+
+
+def with_sensor_errors(track: Track, scans: "Scans") -> Track:
+    """The `track` of where the sensor shows the target, as uncertain as what all scans share.
+
+    No scan shows an error of the sensor that stays: it moves the target as it moves its points.
+    """
+    if not scans.shared_errors.count:
+        return track
+    moved = np.zeros((*track.means.shape, scans.shared_errors.count))
+    for k, mean in enumerate(track.means):
+        moved[k, :3] = scans.pose_shifts(k, mean[:3])
+    moved[1:, 3:6] = np.diff(moved[:, :3], axis=0) / np.diff(track.times)[:, None, None]
+    added = moved @ moved.transpose(0, 2, 1)
+    variances = track.contour_std**2 + shift_variances(track.contour_directions, added)
+    return replace(
+        track,
+        covariances=track.covariances + added,
+        contour_std=np.sqrt(variances),
+        smoothed=track.smoothed and with_sensor_errors(track.smoothed, scans),
+    )
 
 
 def check_finite(track: Track, name: str = "the tracker") -> None:

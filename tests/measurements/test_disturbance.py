@@ -151,7 +151,10 @@ def test_scans_carry_their_shared_errors_and_the_sensors_motion():
     scans = Scans.of_each([0.0, 0.5], poses, each, shared_errors=errors)
     disturbed = disturb_scans(scans, None, 1.0, None, 0)
     assert disturbed.shared_errors == errors
-    still, moving = (disturbed.shared_directions(k, POINTS)[:, :, 1] for k in range(2))
-    assert_allclose(still, 0.0)
+    target = np.array([20.0, 5.0, 0.3])
+    still, moving = (disturbed.pose_shifts(k, target) for k in range(2))
+    assert_allclose(still[:, 1], 0.0)
     rates = np.array([4.0, 2.0, (2.0 * np.pi - 6.2) / 0.5])
-    assert_allclose(moving, errors.directions(POINTS, poses[1], rates)[:, :, 1])
+    # By the time it moves as the sensor's frame does, and turns with it.
+    assert_allclose(moving[:2], errors.directions(target[None, :2], poses[1], rates)[0])
+    assert moving[2, 1] == pytest.approx(0.5 * rates[2])

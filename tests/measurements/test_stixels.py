@@ -53,7 +53,8 @@ def test_scans_share_the_error_that_the_rig_states():
         rig = dataclasses.replace(RIG, disparity_error_std=(0.0, 0.0, std))
         chunks = [stixels(0, [2], points, [1, 1])]
         scans = gather_scans(chunks, ego([[0, 0, np.pi / 2]]), GATES, rig)
-        found = scans.shared_directions(0, scans.points_world)
+        errors, pose = scans.shared_errors, scans.sensor_poses_world[0]
+        found = errors.directions(scans.points_world, pose, np.zeros(3))
         np.testing.assert_allclose(np.abs(found[:, 1]), expected, rtol=1e-6, atol=1e-9)
 
 

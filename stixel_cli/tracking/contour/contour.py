@@ -26,7 +26,6 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.background import Background
-from stixel_cli.tracking.consider import with_sensor_errors
 from stixel_cli.tracking.contour.class_size import ClassSize, class_size, states_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
@@ -34,7 +33,14 @@ from stixel_cli.tracking.contour.contour_rays import FACES, Rays, rays_of
 from stixel_cli.tracking.contour.forms import forms_of, free_form
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import OTHER, REPORTED, InitialState, Track, used_rows
+from stixel_cli.tracking.track import (
+    OTHER,
+    REPORTED,
+    InitialState,
+    Track,
+    used_rows,
+    with_sensor_errors,
+)
 
 CONTRADICTED, DROPPED = 50.0, 100.0
 """The scans contradict the prior's class once the log odds of another are above the first. Any
@@ -61,7 +67,7 @@ def track(
         rows, sensor = scans.rows(k), scans.sensor_poses_world[k]
         points = scans.points_world[rows], scans.covariances_world[rows]
         heights = None if scans.heights is None else scans.heights[rows]
-        bank.step(interval, rays_of(*points, sensor, scans.field_of_view, heights=heights))
+        bank.step(interval, rays_of(*points, sensor, scans.field_of_view, heights))
     track = bank.track(scans.times, scans.offsets[:-1])
     return with_sensor_errors(track, scans).of_points(used)
 

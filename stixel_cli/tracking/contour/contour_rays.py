@@ -79,8 +79,8 @@ class Rays:
     across_variances: np.ndarray
     """(n,) m², of the points across their rays."""
     shared: np.ndarray
-    """(n, 2, m) m, how far one standard deviation of each of m errors that all scans share moves a
-    point in the world."""
+    """(n, 2, m) m, how far one standard deviation of each of m errors of the target's faces, which
+    all scans share, moves a point in the world, see `at_heights`."""
     others: np.ndarray
     """(n,) whether a point is known to be another object's."""
     heights: np.ndarray | None = None
@@ -156,13 +156,11 @@ def rays_of(
     covariances: np.ndarray,
     sensor: np.ndarray,
     field_of_view: FieldOfView | None = None,
-    shared: np.ndarray | None = None,
     heights: np.ndarray | None = None,
 ) -> Rays:
     """The rays from a `sensor` (3,) through points (n, 2) m with covariances (n, 2, 2) m².
 
-    `heights` (n,) m are above the road; `shared` (n, 2, m) m is how far one standard deviation of
-    each of m errors that all scans share moves the points.
+    `heights` (n,) m are above the road.
     """
     offsets = points_world - sensor[:2]
     ranges = np.hypot(offsets[:, 0], offsets[:, 1])
@@ -170,7 +168,6 @@ def rays_of(
     variances = np.einsum("ni,nij,nj->n", directions, covariances, directions)
     across = covariances[:, 0, 0] + covariances[:, 1, 1] - variances
     bearings = wrap_angle(np.arctan2(directions[:, 1], directions[:, 0]) - sensor[2])
-    shared = np.zeros((len(offsets), 2, 0)) if shared is None else shared
     return Rays(
         # A copy: kernels are compiled for arrays that may be written to.
         np.array(sensor),
@@ -179,7 +176,7 @@ def rays_of(
         ranges,
         np.sqrt(np.maximum(variances, 0.0)),
         np.maximum(across, 0.0),
-        shared,
+        np.zeros((len(offsets), 2, 0)),
         np.zeros(len(offsets), bool),
         heights,
         field_of_view=field_of_view,
@@ -198,8 +195,8 @@ def at_heights(
     A ray ends no sooner than where it enters the box that the predicted target, at `pose_and_size`
     (5,), has at the height of the point. If that is behind what the `table` expects, the point
     moves by the difference, at most from the one box to the other; if the target is not `of_class`,
-    it is only less certain. `insets` are those of `class_shape.height_insets`; `shared` gets two
-    columns of how far a target's own are off.
+    it is only less certain. `insets` are those of `class_shape.height_insets`; `shared` is how far
+    a target's own are off.
     """
     if rays.heights is None or insets is None:
         return rays
@@ -223,9 +220,9 @@ def at_heights(
     std[moved == 0.0] = 0.0
     # Its own ends and sides differ from the class's in all scans alike. Along a face, none moves.
     inwards = np.sign(ahead) * stds
-    shared = np.concatenate([rays.shared, inwards[:, None] * turn], axis=2)
+    shared, stds = inwards[:, None] * turn, np.hypot(rays.stds, std)
     ranges = rays.ranges - moved if of_class else rays.ranges
-    return replace(rays, ranges=ranges, stds=np.hypot(rays.stds, std), shared=shared)
+    return replace(rays, ranges=ranges, stds=stds, shared=shared)
 
 
 def associate(
