@@ -51,14 +51,12 @@ def associate(
     x, y = (points_world - expected_world).T
     xx, xy, yy = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
     distance = (yy * x**2 - 2.0 * xy * x * y + xx * y**2) / (xx * yy - xy**2)
-    return np.flatnonzero(distance <= gate(2, probability))
+    return np.flatnonzero(distance <= gate(probability))
 
 
-def gate(degrees: int, probability: float | None = GATE) -> float:
-    """The greatest squared distance, of so many `degrees` of freedom; inf without a probability."""
-    from scipy.special import chdtri
-
-    return np.inf if probability is None else float(chdtri(degrees, 1.0 - probability))
+def gate(probability: float | None = GATE) -> float:
+    """The greatest squared distance, of two degrees of freedom; inf without a probability."""
+    return np.inf if probability is None else -2.0 * np.log1p(-probability)
 
 
 def uncut(

@@ -216,7 +216,7 @@ def assign(
     away = np.array(places) - means[:, None, :2]
     squared = np.sum(away * np.linalg.solve(spread, away[..., None])[..., 0], axis=2)
     # A pair is worth more than all that pairs cost.
-    costs = np.where(squared <= gate(2), squared + np.log(np.linalg.det(spread)) - 1e3, 0.0)
+    costs = np.where(squared <= gate(), squared + np.log(np.linalg.det(spread)) - 1e3, 0.0)
     found = zip(*linear_sum_assignment(costs), strict=True)
     return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
 

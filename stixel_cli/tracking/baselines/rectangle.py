@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.parameters import parameters
-from stixel_cli.tracking.association import associate, gate, uncut
+from stixel_cli.tracking.association import associate, uncut
 from stixel_cli.tracking.baselines.rectangle_contour import NORMALS, contours_of
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.loop import Filtered
@@ -196,7 +196,8 @@ def _ends(
 def inside(covariance: np.ndarray, rows: Rows) -> np.ndarray:
     """Which rows (m,) have an innovation inside the gate; `covariance` as of `update`."""
     spread = np.einsum("mi,ij,mj->m", rows.matrix, covariance, rows.matrix) + rows.variances
-    return rows.innovations**2 <= gate(1) * spread
+    # Chi-square of one degree of freedom, at the probability 0.99.
+    return rows.innovations**2 <= 6.6348966 * spread
 
 
 def update(
