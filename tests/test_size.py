@@ -12,10 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_842
+TOTAL = 44_834
 """Greatest number of lines in all."""
 
-MODULES = 242
+MODULES = 241
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6252,
+    "tracking": 6244,
     "validation": 1274,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
