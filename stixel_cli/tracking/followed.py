@@ -19,7 +19,7 @@ from stixel_cli.parameters import parameters
 from stixel_cli.scene.parameters import CLASS_ROWS
 from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import gate
-from stixel_cli.tracking.kalman import CENTROID_STD, mixture, update
+from stixel_cli.tracking.kalman import CENTROID_STD, PLACE, correct, mixture
 from stixel_cli.tracking.track import InitialState
 
 RAYS_APART = 2.0
@@ -185,7 +185,8 @@ def follow_scan(tracks: list[OpenTrack], scans: Scans, k: int, sizes: np.ndarray
     pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
     for i, j in pairs.items():
         one, innovation = alive[i], places[j] - alive[i].mean[:2]
-        one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
+        correction, one.covariance, _ = correct(one.covariance, PLACE, noise[j], innovation)
+        one.mean = one.mean + correction
         one.rows[k] = clusters[j]
     for j in {*range(len(clusters))} - {*pairs.values()}:
         covariance = np.diag([0.0, 0.0, UNKNOWN_SPEED**2, UNKNOWN_SPEED**2])

@@ -98,7 +98,6 @@ def track(
     )
     noise_densities = np.array([tracker.heading_noise, *[tracker.size_noise] * 2]) ** 2
 
-    turn_rate_variance = min(tracker.heading_noise**2, GREATEST_VARIANCE)
     heading, filtered = float(initial.mean[2]), Filtered(scans, 8)
     for scan in filtered:
         estimate = Estimate(
@@ -114,7 +113,8 @@ def track(
         for i in generator(0, "gm_mem_ekf", scan.k).permutation(indices):
             estimate, distance = update(estimate, scan.points[i], scan.covariances[i], weights)
             nis += distance
-        states = rectangle_states(estimate[:2], estimate[2:], heading, turn_rate_variance)
+        motion = heading, scan.interval, tracker.sigma_q
+        states = rectangle_states(estimate[:2], estimate[2:], *motion)
         heading = states[0][2]
         filtered.add(*states, indices, nis, degrees=2 * len(indices))
     return filtered.track(contours_of(*filtered.states, prior))
@@ -168,7 +168,7 @@ def _of_side(
     noise = (matrix * variances) @ matrix.T + of_shape + noise
     spread = covariance[:2, :2] + noise
     innovation = point - state[:2] - matrix @ middle
-    *kinematic, distance = kalman.update(state, covariance, innovation, noise)
+    correction, updated, distance = kalman.correct(covariance, kalman.PLACE, noise, innovation)
 
     # The squares of the innovation: their mean and covariance, and their slope by the shape.
     i, j = SQUARES
@@ -179,7 +179,8 @@ def _of_side(
     jacobian = products[i, j] + products[j, i]
     shape_gain = np.linalg.solve(moments, jacobian @ shape_covariance).T
     posterior = Estimate(
-        *kinematic,
+        state + correction,
+        updated,
         shape + shape_gain @ squares,
         shape_covariance - shape_gain @ jacobian @ shape_covariance,
     )

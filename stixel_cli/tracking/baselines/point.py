@@ -18,7 +18,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.kalman import Step, smooth, update
+from stixel_cli.tracking.kalman import PLACE, Step, correct, smooth
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING
 from stixel_cli.tracking.prior import EVEN, PriorShape, prior_radii
@@ -81,7 +81,9 @@ def track(
         if len(indices):
             variance = (CENTROID_OFFSET * radius) ** 2 + lone / len(indices)
             innovation = scan.points[indices].mean(axis=0) - mean[:2]
-            mean, covariance, nis = update(mean, covariance, innovation, variance * np.eye(2))
+            noise = np.full(2, variance)
+            correction, covariance, nis = correct(covariance, PLACE, noise, innovation)
+            mean = mean + correction
         matrix = motion.transition(scan.interval)[np.ix_(MOVING, MOVING)]
         steps.append(Step(mean, covariance, *predicted, steps[-1] if steps else None, matrix))
         filtered.add(mean, covariance, indices, nis, degrees=2)
