@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stixel_cli.geometry.pose import rotations
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 
 if TYPE_CHECKING:
@@ -94,10 +95,7 @@ class Track:
         """(K, 2) m, length and width: `box_sizes`, or those of the contour along the heading."""
         if self.box_sizes is not None:
             return self.box_sizes
-        along = np.stack([np.cos(self.means[:, 2]), np.sin(self.means[:, 2])], axis=-1)
-        across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
-        axes = np.stack([along, across], axis=-1)
-        return np.ptp(self.contours_world @ axes, axis=1)
+        return np.ptp(self.contours_world @ rotations(self.means[:, 2]), axis=1)
 
     def to_frame(self) -> "pandas.DataFrame":
         """A table with one row per scan.
