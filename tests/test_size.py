@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_769
+TOTAL = 44_756
 """Greatest number of lines in all."""
 
 MODULES = 241
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6179,
+    "tracking": 6166,
     "validation": 1274,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -5,9 +5,8 @@ velocity's direction. Length and width are those of the class, and nothing of th
 
 The measurement is the centroid of the points in the gate: the predicted box, larger by a margin. A
 sensor sees the sides of a box that face it; the centroid of these sides, each with the angle under
-which it is seen, is where the points' centroid is expected. The filter is linearised: the heading,
-which is the velocity's direction, turns the sides about the centre. Without scans, the same box
-follows the predicted state: the gain of a tracker from its scans is the difference from that.
+which it is seen, is where the points' centroid is expected. Without scans, the same box follows the
+predicted state: the gain of a tracker from its scans is the difference from that.
 """
 
 from dataclasses import replace
@@ -20,15 +19,9 @@ from stixel_cli.geometry.pose import rotation, target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.baselines.rectangle_contour import contours_of
-from stixel_cli.tracking.kalman import CENTROID_STD, correct
+from stixel_cli.tracking.kalman import CENTROID_STD, PLACE, correct
 from stixel_cli.tracking.loop import Filtered
-from stixel_cli.tracking.motion import (
-    GREATEST_VARIANCE,
-    LEAST_SPEED,
-    MOVING,
-    predict_place,
-    six_states,
-)
+from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, predict_place, six_states
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -72,15 +65,9 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
         if inside.any():
             sensor = target_from_world(scan.sensor[None, :2], states[:3])[0]
             expected = visible_centroid(half, sensor)
-            turn = rotation(states[2])
-            innovation = turn @ (points[inside].mean(axis=0) - expected)
-            matrix = np.eye(2, 4)
-            if np.hypot(*mean[2:]) >= LEAST_SPEED:
-                # The heading turns the visible sides about the centre.
-                aside = turn @ np.array([-expected[1], expected[0]])
-                matrix[:, 2:] = np.outer(aside, [-mean[3], mean[2]]) / (mean[2:] @ mean[2:])
+            innovation = rotation(states[2]) @ (points[inside].mean(axis=0) - expected)
             noise = np.full(2, CENTROID_STD**2 + tracker.measurement_std**2 / inside.sum())
-            correction, covariance, nis = correct(covariance, matrix, noise, innovation)
+            correction, covariance, nis = correct(covariance, PLACE, noise, innovation)
             mean = mean + correction
         states, spread = six_states(mean, covariance, heading, *motion)
         heading = (states[2], spread[2, 2])
