@@ -12,10 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_756
+TOTAL = 44_753
 """Greatest number of lines in all."""
 
-MODULES = 241
+MODULES = 242
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -33,7 +33,7 @@ BUDGET = {
     "geometry": 407,
     "live": 614,
     "machine": 185,
-    "measurements": 1777,
+    "measurements": 1864,
     "pictures": 1381,
     "recordings": 2593,
     "rendering": 2154,
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6166,
+    "tracking": 6076,
     "validation": 1274,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

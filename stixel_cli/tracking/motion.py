@@ -137,15 +137,13 @@ def six_states(
     # Rows of x, y, heading and their rates as functions of the four.
     matrix = np.zeros((6, 4))
     matrix[MOVING, np.arange(4)] = 1.0
-    kept_variance = 0.0
+    angle, kept_variance = heading
     if speed >= LEAST_SPEED:
-        turned = wrap_angle(np.arctan2(velocity[1], velocity[0]) - heading[0])
-        angle = heading[0] + float(turned)
+        angle += float(wrap_angle(np.arctan2(velocity[1], velocity[0]) - angle))
+        kept_variance = 0.0
         slope = np.array([-velocity[1], velocity[0]]) / speed**2
         variance = float(slope @ covariance[2:, 2:] @ slope)
         matrix[2, 2:] = slope / np.sqrt(max(1.0, variance / GREATEST_VARIANCE))
-    else:
-        angle, kept_variance = heading
     states = np.zeros(6)
     states[MOVING], states[2] = mean, angle
     spread = matrix @ covariance @ matrix.T

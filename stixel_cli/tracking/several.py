@@ -17,6 +17,7 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.clusters import GAP
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.contour.class_size import possible_sizes
+from stixel_cli.tracking.contour.contour_rays import rays_of
 from stixel_cli.tracking.followed import BEGIN, LARGEST, OpenTrack, ScansStart, follow, state_of
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import FoundTrack, InitialState, ObjectTrack
@@ -124,28 +125,20 @@ def free_and_occupied(scans: Scans, k: int, own: np.ndarray, before: np.ndarray)
     # A cluster has left the places that would not belong to it now.
     away, _ = cKDTree(scans.points_world[own]).query(scans.points_world[before])
     places, points = (
-        _seen_from(scans, pose, these) for these in (before[away > GAP], scans.rows(k))
+        rays_of(scans.points_world[these], scans.covariances_world[these], pose)
+        for these in (before[away > GAP], scans.rows(k))
     )
+    seen = np.stack([places.ranges, places.bearings, places.stds], axis=1)
     if view is not None:
-        places = places[:, (places[1] > view.right) & (places[1] < view.left)]
-    ranges, bearings, variances = places[..., None]
-    across = np.abs(wrap_angle(points[1] - bearings)) * ranges
-    behind = (points[0] - ranges) / np.sqrt(GAP**2 + 4.0 * (points[2] + variances))
+        seen = seen[(places.bearings > view.right) & (places.bearings < view.left)]
+    ranges, bearings, stds = seen.T[..., None]
+    across = np.abs(wrap_angle(points.bearings - bearings)) * ranges
+    behind = (points.ranges - ranges) / np.sqrt(GAP**2 + 4.0 * (points.stds**2 + stds**2))
     nearest = np.where(across < ACROSS, behind, np.inf)
     # The cluster itself hides a place that it has left, but it is not there.
     is_other = ~np.isin(np.arange(*scans.offsets[k : k + 2]), own)[nearest.argmin(axis=1)]
     nearest = nearest.min(axis=1)
     return int(np.sum(nearest >= 1.0)), int(np.sum(is_other & (np.abs(nearest) < 1.0)))
-
-
-def _seen_from(scans: Scans, pose_world: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
-    """Range (m), bearing from the heading (rad), variance along the ray (m²): (3, n), of rows."""
-    away = scans.points_world[rows] - pose_world[:2]
-    ranges = np.hypot(*away.T)
-    along = away / np.maximum(ranges, 1e-9)[:, None]
-    variances = np.einsum("ni,nij,nj->n", along, scans.covariances_world[rows], along)
-    bearings = wrap_angle(np.arctan2(away[:, 1], away[:, 0]) - pose_world[2])
-    return np.stack([ranges, bearings, variances])
 
 
 def track_each(
@@ -185,11 +178,7 @@ def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
     """
     ks = range(min(found.rows), max(found.rows) + 1)
     rows = np.concatenate([np.sort(found.rows[k]) for k in ks if k in found.rows])
+    times, poses = scans.times[ks], scans.sensor_poses_world[ks]
     own = scans.of_rows(rows)
-    own = replace(
-        own,
-        times=own.times[ks],
-        sensor_poses_world=own.sensor_poses_world[ks],
-        offsets=own.offsets[ks.start : ks.stop + 1],
-    )
-    return own, rows
+    offsets = own.offsets[ks.start : ks.stop + 1]
+    return replace(own, times=times, sensor_poses_world=poses, offsets=offsets), rows

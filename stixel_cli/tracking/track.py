@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.geometry.pose import rotations
+from stixel_cli.measurements.tables import STATE
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 
 if TYPE_CHECKING:
@@ -17,9 +18,6 @@ OTHER = "other"
 
 REPORTED = (*ROAD_USER_CLASSES, OTHER)
 """The classes that a track may have."""
-
-STATE = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
-"""Columns of a target's motion in tables: m, rad, and their rates, m/s, rad/s."""
 
 
 @dataclass(frozen=True)
