@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import rectangle
+from stixel_cli.geometry.pose import STATE, rectangle
 from stixel_cli.measurements import tables
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 
-POSE, RATES = tables.STATE[:3], tables.STATE[3:]
+POSE, RATES = STATE[:3], STATE[3:]
 SIZE = ("length", "width")
 LIMBS = ("limb_pose",)
 

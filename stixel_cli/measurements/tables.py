@@ -24,9 +24,6 @@ from stixel_cli.measurements.scans import FARTHEST
 
 MOST_SCANS = 100_000
 
-STATE = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
-"""Columns of a target's motion in tables: m, rad, and their rates, m/s, rad/s."""
-
 
 def read_table(
     file: Path,

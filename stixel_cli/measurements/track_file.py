@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.errors import UserError
+from stixel_cli.geometry.pose import STATE
 from stixel_cli.measurements import tables
 from stixel_cli.recordings.kitti_tables import numbers, read_labels, text_rows
 from stixel_cli.recordings.times import unit_rotations
@@ -20,8 +21,8 @@ from stixel_cli.recordings.times import unit_rotations
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-POSE, RATES = [*tables.STATE[:3]], [*tables.STATE[3:]]
-STDS = [f"std_{name}" for name in tables.STATE]
+POSE, RATES = [*STATE[:3]], [*STATE[3:]]
+STDS = [f"std_{name}" for name in STATE]
 VARIANCES, SIZE = ["var_xx", "var_xy", "var_yy"], ["length", "width"]
 RADII = [f"radius_{number}" for number in range(720)]
 

@@ -73,6 +73,5 @@ def uncut(
         return np.ones(2, bool)
     x, y = ranges[1] * np.cos(bearings[1]), ranges[1] * np.sin(bearings[1])
     leftmost = np.arctan2(y + field_of_view.baseline, x)
-    return np.array(
-        [bearings[0] > field_of_view.right + BORDER, leftmost < field_of_view.left - BORDER]
-    )
+    is_inside = bearings[0] > field_of_view.right + BORDER
+    return np.array([is_inside, leftmost < field_of_view.left - BORDER])

@@ -1,4 +1,4 @@
-"""Several road users: which of the clusters that are followed move, and the track of each.
+"""Road users that move: which of the clusters that are followed are road users.
 
 A cluster that moves leaves free places behind. A fence at a grazing angle has a cluster that slides
 along it: at the edge of the view, in a gap between nearer things, or where stereo sees enough of
@@ -6,10 +6,7 @@ it. Its speed tells nothing, since a car that is followed has it, too. But the f
 the cluster was.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
-from pkgutil import resolve_name
-from typing import Any
 
 import numpy as np
 
@@ -17,10 +14,9 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.clusters import GAP
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.contour.class_size import possible_sizes
-from stixel_cli.tracking.contour.contour_rays import rays_of
 from stixel_cli.tracking.followed import BEGIN, LARGEST, OpenTrack, ScansStart, follow, state_of
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import FoundTrack, InitialState, ObjectTrack
+from stixel_cli.tracking.track import FoundTrack, InitialState
 
 RECENT = 20
 """Speed and places left are those of so many of the last scans that have the cluster: with all, a
@@ -48,9 +44,8 @@ def find_tracks(scans: Scans, prior: PriorShape, start: ScansStart) -> tuple[Fou
             kept.append((one, k))
         else:
             kept[i] = _joined(kept[i][0], one), min(k, kept[i][1])
-    return tuple(
-        FoundTrack(one.rows, k, initial_state(scans, one, k, sizes, start)) for one, k in kept
-    )
+    states = [initial_state(scans, one, k, sizes, start) for one, k in kept]
+    return tuple(FoundTrack(one.rows, k, at) for (one, k), at in zip(kept, states, strict=True))
 
 
 def initial_state(
@@ -124,16 +119,13 @@ def free_and_occupied(scans: Scans, k: int, own: np.ndarray, before: np.ndarray)
     pose, view = scans.sensor_poses_world[k], scans.field_of_view
     # A cluster has left the places that would not belong to it now.
     away, _ = cKDTree(scans.points_world[own]).query(scans.points_world[before])
-    places, points = (
-        rays_of(scans.points_world[these], scans.covariances_world[these], pose)
-        for these in (before[away > GAP], scans.rows(k))
-    )
-    seen = np.stack([places.ranges, places.bearings, places.stds], axis=1)
+    places = _seen_from(scans, pose, before[away > GAP])
+    points = _seen_from(scans, pose, scans.rows(k))
     if view is not None:
-        seen = seen[(places.bearings > view.right) & (places.bearings < view.left)]
-    ranges, bearings, stds = seen.T[..., None]
-    across = np.abs(wrap_angle(points.bearings - bearings)) * ranges
-    behind = (points.ranges - ranges) / np.sqrt(GAP**2 + 4.0 * (points.stds**2 + stds**2))
+        places = places[:, (places[1] > view.right) & (places[1] < view.left)]
+    ranges, bearings, variances = places[..., None]
+    across = np.abs(wrap_angle(points[1] - bearings)) * ranges
+    behind = (points[0] - ranges) / np.sqrt(GAP**2 + 4.0 * (points[2] + variances))
     nearest = np.where(across < ACROSS, behind, np.inf)
     # The cluster itself hides a place that it has left, but it is not there.
     is_other = ~np.isin(np.arange(*scans.offsets[k : k + 2]), own)[nearest.argmin(axis=1)]
@@ -141,44 +133,11 @@ def free_and_occupied(scans: Scans, k: int, own: np.ndarray, before: np.ndarray)
     return int(np.sum(nearest >= 1.0)), int(np.sum(is_other & (np.abs(nearest) < 1.0)))
 
 
-def track_each(
-    found: tuple[FoundTrack, ...], scans: Scans, function: str, settings: Mapping[str, Any]
-) -> tuple[ObjectTrack, ...]:
-    """The track of each road user that is found, from its first to its last scan.
-
-    Args:
-        found: no point is in two of them.
-        scans: all points.
-        function: "module:function" of the tracker.
-        settings: what the tracker gets besides scans and initial state.
-
-    Raises:
-        ValueError: if no road user is found.
-    """
-    if not found:
-        raise ValueError(
-            "source.target: auto finds no cluster of the class's size that moves: name a labelled "
-            "target, or leave it out and give start.bearing=[LO,HI] (degrees)"
-        )
-    track = resolve_name(function)
-    tracks = []
-    for one in found:
-        own, rows = own_scans(scans, one)
-        result = track(scans=own, initial=one.initial, **settings)
-        # Only the filtered track is compared with labels.
-        result = replace(result, smoothed=None).of_points(rows)
-        tracks.append(ObjectTrack(min(one.rows), one.confirmed, result))
-    return tuple(tracks)
-
-
-def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
-    """The scans from the first to the last of a road user, with its own points only.
-
-    A scan without its cluster is empty. Also the rows (P,) of these points in `scans`.
-    """
-    ks = range(min(found.rows), max(found.rows) + 1)
-    rows = np.concatenate([np.sort(found.rows[k]) for k in ks if k in found.rows])
-    times, poses = scans.times[ks], scans.sensor_poses_world[ks]
-    own = scans.of_rows(rows)
-    offsets = own.offsets[ks.start : ks.stop + 1]
-    return replace(own, times=times, sensor_poses_world=poses, offsets=offsets), rows
+def _seen_from(scans: Scans, pose_world: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
+    """Range (m), bearing from the heading (rad), variance along the ray (m²): (3, n), of rows."""
+    away = scans.points_world[rows] - pose_world[:2]
+    ranges = np.hypot(*away.T)
+    along = away / np.maximum(ranges, 1e-9)[:, None]
+    variances = np.einsum("ni,nij,nj->n", along, scans.covariances_world[rows], along)
+    bearings = wrap_angle(np.arctan2(away[:, 1], away[:, 0]) - pose_world[2])
+    return np.stack([ranges, bearings, variances])

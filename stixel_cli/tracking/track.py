@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.geometry.pose import rotations
-from stixel_cli.measurements.tables import STATE
+from stixel_cli.geometry.pose import STATE, rotations
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 
 if TYPE_CHECKING:
@@ -133,19 +132,10 @@ class Track:
         deviations; both and `times`, `nis` are as the attributes. `used` has, for each scan, the
         rows (n_k,) that updated it. Without `nis_degrees_of_freedom`, each such row has one.
         """
-        used_offsets, used_points = used_rows(used)
-        degrees = (
-            np.diff(used_offsets) if nis_degrees_of_freedom is None else nis_degrees_of_freedom
-        )
-        return cls(
-            np.array(times, dtype=np.float64),
-            *states,
-            *contours,
-            used_offsets,
-            used_points,
-            nis,
-            degrees,
-        )
+        offsets, rows = used_rows(used)
+        degrees = nis_degrees_of_freedom
+        degrees = np.diff(offsets) if degrees is None else degrees
+        return cls(np.array(times, float), *states, *contours, offsets, rows, nis, degrees)
 
     def of_points(self, rows: np.ndarray) -> "Track":
         """The track as one of scans whose points at `rows` (P,) were given to the tracker."""

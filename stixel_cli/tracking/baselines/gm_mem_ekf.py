@@ -162,9 +162,8 @@ def _of_side(
     slopes[..., 0] = turn @ rotation(QUARTER) * shape[1:]
     slopes[:, 0, 1], slopes[:, 1, 2] = turn.T
     middle, variances = MIDDLES[side], VARIANCES[side]
-    of_shape = np.einsum(
-        "h,ahp,pq,bhq->ab", variances + middle**2, slopes, shape_covariance, slopes
-    )
+    spreads = variances + middle**2, slopes, shape_covariance, slopes
+    of_shape = np.einsum("h,ahp,pq,bhq->ab", *spreads)
     noise = (matrix * variances) @ matrix.T + of_shape + noise
     spread = covariance[:2, :2] + noise
     innovation = point - state[:2] - matrix @ middle
@@ -178,10 +177,6 @@ def _of_side(
     products = np.einsum("ah,h,bhp->abp", matrix, variances, slopes)
     jacobian = products[i, j] + products[j, i]
     shape_gain = np.linalg.solve(moments, jacobian @ shape_covariance).T
-    posterior = Estimate(
-        state + correction,
-        updated,
-        shape + shape_gain @ squares,
-        shape_covariance - shape_gain @ jacobian @ shape_covariance,
-    )
+    of_shape = shape_covariance - shape_gain @ jacobian @ shape_covariance
+    posterior = Estimate(state + correction, updated, shape + shape_gain @ squares, of_shape)
     return posterior, -0.5 * (distance + float(np.log(np.linalg.det(spread)))), distance

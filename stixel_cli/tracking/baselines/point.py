@@ -73,9 +73,8 @@ def track(
     filtered, nis = Filtered(scans, 4), np.nan
     steps: list[Step] = []
     for scan in filtered:
-        mean, covariance = predicted = motion.predict_place(
-            mean, covariance, scan.interval, tracker.sigma_q
-        )
+        moved = scan.interval, tracker.sigma_q
+        mean, covariance = predicted = motion.predict_place(mean, covariance, *moved)
         spread = covariance[:2, :2] + lone * np.eye(2)
         indices = associate(scan.points, mean[:2], spread)
         if len(indices):
@@ -93,9 +92,8 @@ def track(
         states, spreads = np.empty((len(scans), 6)), np.empty((len(scans), 6, 6))
         heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
         for k, interval in enumerate(motion.intervals(scans.times)):
-            states[k], spreads[k] = motion.six_states(
-                means[k], covariances[k], heading, interval, tracker.sigma_q
-            )
+            moved = means[k], covariances[k], heading, interval, tracker.sigma_q
+            states[k], spreads[k] = motion.six_states(*moved)
             heading = (states[k, 2], spreads[k, 2, 2])
         _, directions = contour_directions(states[:, 2])
         shift = shift_variances(directions, spreads)
