@@ -90,21 +90,16 @@ def track(
     """
     size = 0.5 * np.array([prior.length, prior.width])
     variances = (size * [prior.length_std, prior.width_std]) ** 2
-    estimate = Estimate(
-        initial.mean[MOVING],
-        initial.covariance[np.ix_(MOVING, MOVING)],
-        np.array([initial.mean[2], *size]),
-        np.diag([min(initial.covariance[2, 2], GREATEST_VARIANCE), *variances]),
-    )
-    noise_densities = np.array([tracker.heading_noise, *[tracker.size_noise] * 2]) ** 2
+    moving = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
+    spread = np.diag([min(initial.covariance[2, 2], GREATEST_VARIANCE), *variances])
+    estimate = Estimate(*moving, np.array([initial.mean[2], *size]), spread)
+    noise_density = np.diag([tracker.heading_noise, *[tracker.size_noise] * 2]) ** 2
 
     heading, filtered = float(initial.mean[2]), Filtered(scans, 8)
     for scan in filtered:
-        estimate = Estimate(
-            *predict_place(estimate.state, estimate.covariance, scan.interval, tracker.sigma_q),
-            estimate.shape,
-            estimate.shape_covariance + scan.interval * np.diag(noise_densities),
-        )
+        moving = predict_place(*estimate[:2], scan.interval, tracker.sigma_q)
+        spread = estimate.shape_covariance + scan.interval * noise_density
+        estimate = Estimate(*moving, estimate.shape, spread)
         turn = rotation(estimate.shape[0])
         area = turn @ np.diag(estimate.shape[1:] ** 2 / 3.0) @ turn.T
         spread = estimate.covariance[:2, :2] + area + scan.covariances

@@ -90,9 +90,8 @@ def track(
             wide = (weight + 3.0) / weight * extension
             scattered = SCATTER * wide + noise
             innovation, noise = centre - mean[:2], scattered / len(points)
-            wide = update_extension(
-                wide, weight, (innovation, covariance[:2, :2] + noise), (points - centre, scattered)
-            )
+            moved = innovation, covariance[:2, :2] + noise
+            wide = update_extension(wide, weight, moved, (points - centre, scattered))
             correction, covariance, nis = correct(covariance, PLACE, noise, innovation)
             mean = mean + correction
             weight += len(points)

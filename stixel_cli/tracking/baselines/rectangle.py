@@ -78,9 +78,8 @@ def track(
     """
     size, fullness = np.array([prior.length, prior.width]), fullness_of(prior)
     mean = np.concatenate([initial.mean, size])
-    covariance = np.zeros((8, 8))
-    covariance[:6, :6] = initial.covariance
-    covariance[6, 6], covariance[7, 7] = (size * [prior.length_std, prior.width_std]) ** 2
+    covariance = np.pad(initial.covariance, (0, 2))
+    covariance[[6, 7], [6, 7]] = (size * [prior.length_std, prior.width_std]) ** 2
     of_sides = np.diag([0.0] * 8 + [tracker.side_std**2] * 4)
     filtered = Filtered(scans, 8)
     for scan in filtered:
