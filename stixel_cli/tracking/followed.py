@@ -46,7 +46,6 @@ LEAST_SCANS = 2 * BEGIN
 UNKNOWN_SPEED = max(row.speed for row in CLASS_ROWS.values())
 """Standard deviation of a velocity that the scans do not show, m/s: of any class."""
 
-
 Degrees = Annotated[float, Ge(-180), Le(180)]
 Metres = Annotated[float, Ge(0), Le(1000)]
 

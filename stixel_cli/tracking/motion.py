@@ -20,7 +20,6 @@ MOVING = np.array([0, 1, 3, 4])
 GREATEST_VARIANCE = np.pi**2 / 3.0
 """Variance of an angle that is quite unknown, rad²: even over a full turn."""
 
-
 LEAST_SPEED = 0.5
 """Below it, m/s, a velocity does not tell where a road user is headed, nor whether it moves."""
 
