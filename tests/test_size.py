@@ -12,14 +12,14 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_841
+TOTAL = 44_753
 """Greatest number of lines in all."""
 
-MODULES = 242
+MODULES = 243
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 712,
+    "": 711,
     "answers": 1356,
     "benchmark": 1001,
     "border": 655,
@@ -30,10 +30,10 @@ BUDGET = {
     "evaluation": 1570,
     "experiment": 1225,
     "export": 695,
-    "geometry": 407,
+    "geometry": 410,
     "live": 614,
     "machine": 185,
-    "measurements": 1777,
+    "measurements": 1889,
     "pictures": 1381,
     "recordings": 2593,
     "rendering": 2154,
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6251,
+    "tracking": 6049,
     "validation": 1274,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -145,14 +145,14 @@ TABLE: dict[str, Definition] = {
     ),
     "truth_start": stage("tracking.start:noisy_start", "start", seeded=True),
     "scans_start": stage("tracking.start_scans:start_from_scans", "start prior"),
-    "find_tracks": stage("tracking.several.clusters:find_tracks", "prior start"),
+    "find_tracks": stage("tracking.several:find_tracks", "prior start"),
     "track": stage(
         by_kind(Tracker, "track"),
         "prior tracker",
         chosen_by="tracker",
         files=(*FILES_OF_PRIOR, "tracker.path"),
     ),
-    "track_each": stage("tracking.several.track_each:track_each", calls="track"),
+    "track_each": stage("tracking.track_each:track_each", calls="track"),
     "label_truths": stage(
         "recordings.truth:label_truths", "rig recording.tables", recorded="label_files"
     ),

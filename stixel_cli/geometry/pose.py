@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 
 STRAIGHT_AHEAD = 0.5 * np.pi
 
+STATE = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
+"""Columns of a target's motion in tables: m, rad, and their rates, m/s, rad/s."""
+
 
 def rotation(angle: float) -> np.ndarray:
     """Rotation matrix, shape (2, 2), that turns a vector counter-clockwise by `angle` rad."""

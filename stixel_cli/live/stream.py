@@ -192,7 +192,7 @@ class StixelStream:
         from stixel_cli.measurements.scans import Scans
         from stixel_cli.tracking.contour.class_size import SIZES
         from stixel_cli.tracking.followed import follow_scan
-        from stixel_cli.tracking.several.clusters import RECENT, are_one, confirmed
+        from stixel_cli.tracking.several import RECENT, are_one, confirmed
 
         if len(self._scans) == RECENT:
             dropped = len(self._scans.popleft().points_world)
@@ -226,7 +226,7 @@ class StixelStream:
         from stixel_cli.trackers import Contour
         from stixel_cli.tracking.contour.class_size import SIZES
         from stixel_cli.tracking.followed import ScansStart
-        from stixel_cli.tracking.several.clusters import initial_state
+        from stixel_cli.tracking.several import initial_state
 
         first = len(scans) - 1
         if one.number not in self._contours:

@@ -3,12 +3,30 @@
 import numpy as np
 
 from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.measurements.scans import Scans
 
 GAP = 0.7
 """Stixels of one object have a neighbour this near, m, if nothing is uncertain."""
 
 LEAST = 2
 """Stixels of an object."""
+
+RAYS_APART = 2.0
+"""Points of one object are this many distances of neighbouring rays apart: a sparse lidar's rays
+are far apart on a distant target, and farther where they graze it. With 1, three of ten have no
+start."""
+
+
+def clusters_of(scans: Scans, k: int, longest: float) -> list[np.ndarray]:
+    """Rows (n,) of the scans' arrays of each cluster of scan k that is at most `longest` m long."""
+    rows = scans.rows(k)
+    offsets = scans.points_world[rows] - scans.sensor_poses_world[k, :2]
+    apart = np.diff(np.sort(np.arctan2(offsets[:, 1], offsets[:, 0])))
+    ranges = np.hypot(*offsets.T)
+    gap = RAYS_APART * np.median(apart) * np.median(ranges) if len(apart) else 0.0
+    labels = cluster(offsets, scans.covariances_world[rows], max(gap, GAP))
+    found = [np.flatnonzero(labels == one) for one in range(labels.max(initial=-1) + 1)]
+    return [own + rows.start for own in found if np.hypot(*np.ptp(offsets[own], axis=0)) <= longest]
 
 
 def cluster(

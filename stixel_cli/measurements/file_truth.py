@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import rectangle
+from stixel_cli.geometry.pose import STATE, rectangle
 from stixel_cli.measurements import tables
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 
-RATES = ("x_rate", "y_rate", "heading_rate")
+POSE, RATES = STATE[:3], STATE[3:]
 SIZE = ("length", "width")
 LIMBS = ("limb_pose",)
 
@@ -55,7 +55,7 @@ def read_truth(
     if truth is not None:
         file = Path(truth)
         groups = (("k",), ("t",), RATES, SIZE, LIMBS)
-        table = tables.read_table(file, ("x", "y", "heading"), groups, "contour", RATES)
+        table = tables.read_table(file, POSE, groups, "contour", RATES)
         if "k" in table:
             table.pop("t", None)
         k = tables.scan_indices(file, table, scans.times, time_unit, scans.epoch)
@@ -65,7 +65,7 @@ def read_truth(
             raise UserError(f"{file}: has no rows: without a truth leave out measurement.truth")
         for name in {"heading", "heading_rate"} & table.keys():
             table[name] = tables.in_radians(table[name], angle_unit)
-        poses[k] = np.stack([table[name] for name in ("x", "y", "heading")], axis=1)
+        poses[k] = np.stack([table[name] for name in POSE], axis=1)
         if RATES[0] in table:
             rates[k] = np.stack([table[name] for name in RATES], axis=1)
         else:

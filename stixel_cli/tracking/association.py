@@ -16,7 +16,8 @@ GATE = 0.99
 with 0.9 there is a false track, with 0.999 starts are worse."""
 
 BORDER = np.radians(1.2)
-"""A silhouette nearer than this to the border of the field of view, rad, may be cut off."""
+"""A silhouette nearer than this to the border of the field of view, rad, may be cut off. With 0 the
+NEES of `contour`, `gp_ekf` and `rectangle` is greater, of the first 1.7 times."""
 
 
 def contour_moments(directions: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -71,6 +72,5 @@ def uncut(
         return np.ones(2, bool)
     x, y = ranges[1] * np.cos(bearings[1]), ranges[1] * np.sin(bearings[1])
     leftmost = np.arctan2(y + field_of_view.baseline, x)
-    return np.array(
-        [bearings[0] > field_of_view.right + BORDER, leftmost < field_of_view.left - BORDER]
-    )
+    is_inside = bearings[0] > field_of_view.right + BORDER
+    return np.array([is_inside, leftmost < field_of_view.left - BORDER])

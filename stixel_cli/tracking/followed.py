@@ -13,19 +13,14 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.measurements.clusters import GAP, cluster
+from stixel_cli.measurements.clusters import clusters_of
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.parameters import CLASS_ROWS
 from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import gate
-from stixel_cli.tracking.kalman import CENTROID_STD, mixture, update
+from stixel_cli.tracking.kalman import CENTROID_STD, PLACE, correct, mixture
 from stixel_cli.tracking.track import InitialState
-
-RAYS_APART = 2.0
-"""Points of one object are this many distances of neighbouring rays apart: a sparse lidar's rays
-are far apart on a distant target, and farther where they graze it. With 1, three of ten have no
-start."""
 
 BEGIN, END = 3, 5
 """A road user moves if so many scans in a row show it: with 2 there are three false tracks, with 4
@@ -50,7 +45,6 @@ LEAST_SCANS = 2 * BEGIN
 
 UNKNOWN_SPEED = max(row.speed for row in CLASS_ROWS.values())
 """Standard deviation of a velocity that the scans do not show, m/s: of any class."""
-
 
 Degrees = Annotated[float, Ge(-180), Le(180)]
 Metres = Annotated[float, Ge(0), Le(1000)]
@@ -146,18 +140,6 @@ def least_speed(of_sensor: float) -> float:
     return motion.LEAST_SPEED + OF_SENSOR * of_sensor
 
 
-def clusters_of(scans: Scans, k: int, longest: float) -> list[np.ndarray]:
-    """Rows (n,) of the scans' arrays of each cluster of scan k that is at most `longest` m long."""
-    rows = scans.rows(k)
-    offsets = scans.points_world[rows] - scans.sensor_poses_world[k, :2]
-    apart = np.diff(np.sort(np.arctan2(offsets[:, 1], offsets[:, 0])))
-    ranges = np.hypot(*offsets.T)
-    gap = RAYS_APART * np.median(apart) * np.median(ranges) if len(apart) else 0.0
-    labels = cluster(offsets, scans.covariances_world[rows], max(gap, GAP))
-    found = [np.flatnonzero(labels == one) for one in range(labels.max(initial=-1) + 1)]
-    return [own + rows.start for own in found if np.hypot(*np.ptp(offsets[own], axis=0)) <= longest]
-
-
 def follow(scans: Scans, sizes: np.ndarray) -> list[OpenTrack]:
     """All tracks, begun or not, in the order of their first scans; `sizes` as of `follow_scan`."""
     tracks: list[OpenTrack] = []
@@ -179,13 +161,13 @@ def follow_scan(tracks: list[OpenTrack], scans: Scans, k: int, sizes: np.ndarray
     ]
     alive, interval = [one for one in tracks if one.is_alive(k)], motion.intervals(scans.times)[k]
     for one in alive:
-        one.mean, one.covariance = motion.predict_place(
-            one.mean, one.covariance, interval, ACCELERATION
-        )
+        before = one.mean, one.covariance
+        one.mean, one.covariance = motion.predict_place(*before, interval, ACCELERATION)
     pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
     for i, j in pairs.items():
         one, innovation = alive[i], places[j] - alive[i].mean[:2]
-        one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
+        correction, one.covariance, _ = correct(one.covariance, PLACE, noise[j], innovation)
+        one.mean = one.mean + correction
         one.rows[k] = clusters[j]
     for j in {*range(len(clusters))} - {*pairs.values()}:
         covariance = np.diag([0.0, 0.0, UNKNOWN_SPEED**2, UNKNOWN_SPEED**2])

@@ -1,6 +1,4 @@
-"""Kalman updates, of a measured place and of many scalars with independent errors, and smoothing.
-
-The update of many scalars is in information form, so no covariance is inverted.
+"""The Kalman update, in information form, and smoothing.
 
 Fixed-lag smoothing gives estimates that also use some later scans: they are not causal. It is the
 backward pass of Rauch, Tung & Striebel 1965 (Särkkä & Svensson 2023, *Bayesian Filtering and
@@ -29,11 +27,15 @@ seen. Where clusters are followed, with 0.15 a car is not found, with 0.6 starts
 def correct(
     covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """A Kalman update with independent errors: correction (d,), covariance (d, d) and NIS.
+    """A Kalman update: correction (d,), covariance (d, d) and NIS.
 
-    `covariance` (d, d) is the prior's, `matrix` (n, d) the measurement's, `noise` (n,) variances,
-    which must be far above rounding. In the information form the cost grows with n and not with n³.
+    `covariance` (d, d) is the prior's, `matrix` (n, d) the measurement's. `noise`: (n,) variances
+    of independent errors, or their covariance (n, n), far above rounding. In the information form
+    the cost of independent ones grows with n and not with n³.
     """
+    if noise.ndim == 2:
+        whitening = np.linalg.inv(np.linalg.cholesky(noise))
+        matrix, innovation, noise = whitening @ matrix, whitening @ innovation, np.ones(len(noise))
     weighted = matrix.T / noise
     posterior = np.linalg.solve(_scale(covariance, weighted @ matrix), covariance)
     posterior, pull = 0.5 * (posterior + posterior.T), weighted @ innovation
@@ -57,26 +59,6 @@ def _scale(covariance: np.ndarray, precision: np.ndarray) -> np.ndarray:
     scale = covariance @ precision
     scale.flat[:: len(scale) + 1] += 1.0
     return scale
-
-
-def update(
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    innovation: np.ndarray,
-    noise: np.ndarray,
-    matrix: np.ndarray = PLACE,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Mean (4,), covariance (4, 4) and NIS with an `innovation` (2,) m of covariance `noise` m².
-
-    `matrix` (2, 4) is the measurement's derivative by the state of place and velocity. The
-    covariance is updated in Joseph's form, which keeps it positive.
-    """
-    innovation_covariance = matrix @ covariance @ matrix.T + noise
-    gain = np.linalg.solve(innovation_covariance, matrix @ covariance).T
-    keep = np.eye(4) - gain @ matrix
-    updated = keep @ covariance @ keep.T + gain @ noise @ gain.T
-    nis = float(innovation @ np.linalg.solve(innovation_covariance, innovation))
-    return mean + gain @ innovation, 0.5 * (updated + updated.T), nis
 
 
 def mixture(

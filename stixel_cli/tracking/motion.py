@@ -20,7 +20,6 @@ MOVING = np.array([0, 1, 3, 4])
 GREATEST_VARIANCE = np.pi**2 / 3.0
 """Variance of an angle that is quite unknown, rad²: even over a full turn."""
 
-
 LEAST_SPEED = 0.5
 """Below it, m/s, a velocity does not tell where a road user is headed, nor whether it moves."""
 
@@ -120,13 +119,13 @@ def six_states(
     heading: tuple[float, float],
     interval: float,
     sigma_q: float,
-    least_speed: float = LEAST_SPEED,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (6,) and covariance (6, 6) of x, y, heading and their rates, as a track has them.
 
-    The heading is the velocity's direction; below `least_speed`, m/s, it is kept, with its
-    variance. Motion is straight, so the rate of the heading is 0, see `turn_rate_variance` for one
-    `interval`, s. The covariance of the six is linearised at the mean.
+    The heading is the velocity's direction; below `LEAST_SPEED` it is kept, with its
+    variance. Motion is straight, so the rate of the heading is 0. The variance of its mean over an
+    `interval` T, s, is sigma_q² / (T v²) at a speed v, by a white acceleration across the motion.
+    The covariance of the six is linearised at the mean.
 
     `heading` is that of the scan before, rad, and its variance, rad². The heading is unwound: no
     jump of a full turn is between two scans. No variance of an angle exceeds that of one which is
@@ -137,30 +136,17 @@ def six_states(
     # Rows of x, y, heading and their rates as functions of the four.
     matrix = np.zeros((6, 4))
     matrix[MOVING, np.arange(4)] = 1.0
-    kept_variance = 0.0
-    if speed >= least_speed:
-        turned = wrap_angle(np.arctan2(velocity[1], velocity[0]) - heading[0])
-        angle = heading[0] + float(turned)
+    angle, kept_variance = heading
+    if speed >= LEAST_SPEED:
+        angle += float(wrap_angle(np.arctan2(velocity[1], velocity[0]) - angle))
+        kept_variance = 0.0
         slope = np.array([-velocity[1], velocity[0]]) / speed**2
         variance = float(slope @ covariance[2:, 2:] @ slope)
         matrix[2, 2:] = slope / np.sqrt(max(1.0, variance / GREATEST_VARIANCE))
-    else:
-        angle, kept_variance = heading
     states = np.zeros(6)
     states[MOVING], states[2] = mean, angle
     spread = matrix @ covariance @ matrix.T
     spread[2, 2] += kept_variance
-    spread[5, 5] = turn_rate_variance(speed, interval, sigma_q, least_speed)
+    turning = interval * max(speed, LEAST_SPEED) ** 2
+    spread[5, 5] = min(sigma_q**2 / turning, GREATEST_VARIANCE) if turning else GREATEST_VARIANCE
     return states, spread
-
-
-def turn_rate_variance(
-    speed: float, interval: float, sigma_q: float, least_speed: float = LEAST_SPEED
-) -> float:
-    """Variance, rad²/s², of a velocity's mean turn rate over an `interval` in s.
-
-    sigma_q² / (T v²), by a white acceleration across the motion, with a `speed` v, m/s, of at least
-    `least_speed`. It is at most `GREATEST_VARIANCE`.
-    """
-    turning = interval * max(speed, least_speed) ** 2
-    return min(sigma_q**2 / turning, GREATEST_VARIANCE) if turning > 0.0 else GREATEST_VARIANCE

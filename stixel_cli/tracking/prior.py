@@ -103,6 +103,5 @@ def prior_radii(prior: PriorShape, angles: np.ndarray) -> np.ndarray:
     along = corner[0] * cosine + corner[1] * sine
     across = corner[0] * sine - corner[1] * cosine
     rounded = along + np.sqrt(np.maximum(prior.corner_radius**2 - across**2, 0.0))
-    return np.where(
-        front * sine <= corner[1], front, np.where(side * cosine <= corner[0], side, rounded)
-    )
+    straight = [front * sine <= corner[1], side * cosine <= corner[0]]
+    return np.select(straight, [front, side], rounded)

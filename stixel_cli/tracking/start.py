@@ -56,9 +56,8 @@ def noisy_start(scenario: Scenario, start: TruthStart, seed: int) -> InitialStat
         rates = np.zeros(3)
     age = scenario.times[known[0]] - scenario.times[0] + intervals(scenario.times)[0]
     before = transition(-float(age)) @ np.concatenate([pose, rates])
-    std = np.array(
-        [start.position] * 2 + [start.heading] + [start.velocity] * 2 + [start.heading_rate]
-    )
+    velocity, rate = [start.velocity] * 2, start.heading_rate
+    std = np.array([*[start.position] * 2, start.heading, *velocity, rate])
     noise = std * generator(seed, "start").standard_normal(6)
     if start.rates == "zero":
         noise[3:] = 0.0

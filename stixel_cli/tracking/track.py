@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stixel_cli.geometry.pose import STATE, rotations
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 
 if TYPE_CHECKING:
@@ -18,9 +19,6 @@ OTHER = "other"
 
 REPORTED = (*ROAD_USER_CLASSES, OTHER)
 """The classes that a track may have."""
-
-STATE = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
-"""Columns of a target's motion in tables: m, rad, and their rates, m/s, rad/s."""
 
 
 @dataclass(frozen=True)
@@ -96,10 +94,7 @@ class Track:
         """(K, 2) m, length and width: `box_sizes`, or those of the contour along the heading."""
         if self.box_sizes is not None:
             return self.box_sizes
-        along = np.stack([np.cos(self.means[:, 2]), np.sin(self.means[:, 2])], axis=-1)
-        across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
-        axes = np.stack([along, across], axis=-1)
-        return np.ptp(self.contours_world @ axes, axis=1)
+        return np.ptp(self.contours_world @ rotations(self.means[:, 2]), axis=1)
 
     def to_frame(self) -> "pandas.DataFrame":
         """A table with one row per scan.
@@ -139,19 +134,10 @@ class Track:
         deviations; both and `times`, `nis` are as the attributes. `used` has, for each scan, the
         rows (n_k,) that updated it. Without `nis_degrees_of_freedom`, each such row has one.
         """
-        used_offsets, used_points = used_rows(used)
-        degrees = (
-            np.diff(used_offsets) if nis_degrees_of_freedom is None else nis_degrees_of_freedom
-        )
-        return cls(
-            np.array(times, dtype=np.float64),
-            *states,
-            *contours,
-            used_offsets,
-            used_points,
-            nis,
-            degrees,
-        )
+        offsets, rows = used_rows(used)
+        degrees = nis_degrees_of_freedom
+        degrees = np.diff(offsets) if degrees is None else degrees
+        return cls(np.array(times, float), *states, *contours, offsets, rows, nis, degrees)
 
     def of_points(self, rows: np.ndarray) -> "Track":
         """The track as one of scans whose points at `rows` (P,) were given to the tracker."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.file import SIZE, FileTrackParameters, rows_of_scans, states_of
+from stixel_cli.tracking.file import FileTrackParameters, rows_of_scans, states_of
 from stixel_cli.tracking.track import Track
 
 LEAST_OFFSET, FAR = 0.001, 2.0
@@ -29,7 +29,7 @@ def track_doubts(
         offset = float(np.median(table["t"] - scans.times[table.index]))
         if abs(offset) > LEAST_OFFSET:
             doubts.append(f"its times differ by {offset:+.3f} s (median) from those of the scans")
-    if SIZE[0] in table and table["length"].median() < table["width"].median():
+    if "length" in table and table["length"].median() < table["width"].median():
         doubts.append("length and width are probably exchanged")
     if table["heading"].abs().max() > 4.0 * np.pi:
         doubts.append("the headings are probably in degrees: must be in radians")

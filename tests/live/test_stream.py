@@ -11,7 +11,7 @@ from stixel_cli.live.pairs import FRAME
 from stixel_cli.recordings.image_files import grey, read_image
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.tracking.followed import LEAST_SCANS
-from stixel_cli.tracking.several.clusters import RECENT
+from stixel_cli.tracking.several import RECENT
 
 
 @pytest.fixture

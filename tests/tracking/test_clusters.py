@@ -11,11 +11,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView
+from stixel_cli.tracking import several
 from stixel_cli.tracking.followed import BEGIN, END, LEAST_SCANS, assign, follow
 from stixel_cli.tracking.motion import transition
-from stixel_cli.tracking.several import clusters
-from stixel_cli.tracking.several.clusters import confirmed, find_tracks, free_and_occupied
-from stixel_cli.tracking.several.track_each import own_scans, track_each
+from stixel_cli.tracking.several import (
+    confirmed,
+    find_tracks,
+    free_and_occupied,
+)
+from stixel_cli.tracking.track_each import own_scans, track_each
 
 CONFIGURATION = compose(["start=scans", "tracker=box"]).configuration
 PRIOR = CONFIGURATION.prior
@@ -189,7 +193,7 @@ def test_a_fast_cluster_moves_if_the_places_that_it_left_are_free(counts, number
     scans = driving([car((0.0, 14.0), (0.0, SPEED), k) for k in range(COUNT)])
     (one,) = follow(scans, SIZES)
     given = iter(counts + [(0, 0)] * COUNT)
-    monkeypatch.setattr(clusters, "free_and_occupied", lambda *_: next(given))
+    monkeypatch.setattr(several, "free_and_occupied", lambda *_: next(given))
     assert confirmed(scans, one) == number
 
 

@@ -16,10 +16,10 @@ from stixel_cli.tracking.baselines.rectangle import (
     measure,
     sides_of,
     track,
-    update,
     visible_sides,
 )
 from stixel_cli.tracking.baselines.rectangle_contour import contours_of
+from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.prior import fullness_of
 
 TRACKER = compose(["tracker=rectangle"]).configuration.tracker
@@ -88,9 +88,9 @@ def test_update_is_that_of_the_textbook_with_sides_that_share_an_error(seed):
     spread = matrix @ covariance @ matrix.T + noise
     gain = np.linalg.solve(spread, matrix @ covariance).T
     whole = np.pad(covariance, (0, 4)) + np.diag([0.0] * 8 + [0.1**2] * 4)
-    found = update(mean, whole, rows)
-    np.testing.assert_allclose(found[0], mean + gain @ rows.innovations, atol=1e-7)
-    np.testing.assert_allclose(found[1], covariance - gain @ spread @ gain.T, atol=1e-7)
+    found = correct(whole, rows.matrix, rows.variances, rows.innovations)
+    np.testing.assert_allclose(found[0][:8], gain @ rows.innovations, atol=1e-7)
+    np.testing.assert_allclose(found[1][:8, :8], covariance - gain @ spread @ gain.T, atol=1e-7)
     nis = rows.innovations @ np.linalg.solve(spread, rows.innovations)
     assert found[2] == pytest.approx(nis, rel=1e-6)
 

@@ -5,9 +5,8 @@ velocity's direction. Length and width are those of the class, and nothing of th
 
 The measurement is the centroid of the points in the gate: the predicted box, larger by a margin. A
 sensor sees the sides of a box that face it; the centroid of these sides, each with the angle under
-which it is seen, is where the points' centroid is expected. The filter is linearised: the heading,
-which is the velocity's direction, turns the sides about the centre. Without scans, the same box
-follows the predicted state: the gain of a tracker from its scans is the difference from that.
+which it is seen, is where the points' centroid is expected. Without scans, the same box follows the
+predicted state: the gain of a tracker from its scans is the difference from that.
 """
 
 from dataclasses import replace
@@ -20,7 +19,7 @@ from stixel_cli.geometry.pose import rotation, target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.baselines.rectangle_contour import contours_of
-from stixel_cli.tracking.kalman import CENTROID_STD, update
+from stixel_cli.tracking.kalman import CENTROID_STD, PLACE, correct
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, predict_place, six_states
 from stixel_cli.tracking.prior import PriorShape
@@ -46,9 +45,6 @@ class BoxParameters:
 BESIDE = 1.0
 """Points this far outside of the predicted box are not used, m."""
 
-HEADED = 3.0
-"""Below this speed, m/s, the heading is kept: the noise of the velocity would turn it."""
-
 
 def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxParameters) -> Track:
     """Track one target through `scans`: predict, associate, update at every scan, the first too.
@@ -59,27 +55,21 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
     heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
     size = np.array([prior.length, prior.width])
     half, of_size = 0.5 * size, np.diag((size * [prior.length_std, prior.width_std]) ** 2)
-    motion, filtered, nis = (tracker.sigma_q, HEADED), Filtered(scans, 8), np.nan
+    filtered, nis = Filtered(scans, 8), np.nan
     for scan in filtered:
-        mean, covariance = predict_place(mean, covariance, scan.interval, tracker.sigma_q)
-        states, _ = six_states(mean, covariance, heading, scan.interval, *motion)
+        motion = scan.interval, tracker.sigma_q
+        mean, covariance = predict_place(mean, covariance, *motion)
+        states, _ = six_states(mean, covariance, heading, *motion)
         points = target_from_world(scan.points, states[:3])
         inside = (np.abs(points) <= half + BESIDE).all(axis=1) & tracker.use_scans
         if inside.any():
             sensor = target_from_world(scan.sensor[None, :2], states[:3])[0]
             expected = visible_centroid(half, sensor)
-            turn = rotation(states[2])
-            innovation = turn @ (points[inside].mean(axis=0) - expected)
-            matrix = np.eye(2, 4)
-            if np.hypot(*mean[2:]) >= HEADED:
-                # The heading turns the visible sides about the centre.
-                aside = turn @ np.array([-expected[1], expected[0]])
-                matrix[:, 2:] = np.outer(aside, [-mean[3], mean[2]]) / (mean[2:] @ mean[2:])
-            variance = CENTROID_STD**2 + tracker.measurement_std**2 / inside.sum()
-            mean, covariance, nis = update(
-                mean, covariance, innovation, variance * np.eye(2), matrix
-            )
-        states, spread = six_states(mean, covariance, heading, scan.interval, *motion)
+            innovation = rotation(states[2]) @ (points[inside].mean(axis=0) - expected)
+            noise = np.full(2, CENTROID_STD**2 + tracker.measurement_std**2 / inside.sum())
+            correction, covariance, nis = correct(covariance, PLACE, noise, innovation)
+            mean = mean + correction
+        states, spread = six_states(mean, covariance, heading, *motion)
         heading = (states[2], spread[2, 2])
         whole = np.pad(spread, (0, 2))
         whole[6:, 6:] = of_size

@@ -90,22 +90,16 @@ def track(
     """
     size = 0.5 * np.array([prior.length, prior.width])
     variances = (size * [prior.length_std, prior.width_std]) ** 2
-    estimate = Estimate(
-        initial.mean[MOVING],
-        initial.covariance[np.ix_(MOVING, MOVING)],
-        np.array([initial.mean[2], *size]),
-        np.diag([min(initial.covariance[2, 2], GREATEST_VARIANCE), *variances]),
-    )
-    noise_densities = np.array([tracker.heading_noise, *[tracker.size_noise] * 2]) ** 2
+    moving = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
+    spread = np.diag([min(initial.covariance[2, 2], GREATEST_VARIANCE), *variances])
+    estimate = Estimate(*moving, np.array([initial.mean[2], *size]), spread)
+    noise_density = np.diag([tracker.heading_noise, *[tracker.size_noise] * 2]) ** 2
 
-    turn_rate_variance = min(tracker.heading_noise**2, GREATEST_VARIANCE)
     heading, filtered = float(initial.mean[2]), Filtered(scans, 8)
     for scan in filtered:
-        estimate = Estimate(
-            *predict_place(estimate.state, estimate.covariance, scan.interval, tracker.sigma_q),
-            estimate.shape,
-            estimate.shape_covariance + scan.interval * np.diag(noise_densities),
-        )
+        moving = predict_place(*estimate[:2], scan.interval, tracker.sigma_q)
+        spread = estimate.shape_covariance + scan.interval * noise_density
+        estimate = Estimate(*moving, estimate.shape, spread)
         turn = rotation(estimate.shape[0])
         area = turn @ np.diag(estimate.shape[1:] ** 2 / 3.0) @ turn.T
         spread = estimate.covariance[:2, :2] + area + scan.covariances
@@ -114,7 +108,8 @@ def track(
         for i in generator(0, "gm_mem_ekf", scan.k).permutation(indices):
             estimate, distance = update(estimate, scan.points[i], scan.covariances[i], weights)
             nis += distance
-        states = rectangle_states(estimate[:2], estimate[2:], heading, turn_rate_variance)
+        motion = heading, scan.interval, tracker.sigma_q
+        states = rectangle_states(estimate[:2], estimate[2:], *motion)
         heading = states[0][2]
         filtered.add(*states, indices, nis, degrees=2 * len(indices))
     return filtered.track(contours_of(*filtered.states, prior))
@@ -162,13 +157,12 @@ def _of_side(
     slopes[..., 0] = turn @ rotation(QUARTER) * shape[1:]
     slopes[:, 0, 1], slopes[:, 1, 2] = turn.T
     middle, variances = MIDDLES[side], VARIANCES[side]
-    of_shape = np.einsum(
-        "h,ahp,pq,bhq->ab", variances + middle**2, slopes, shape_covariance, slopes
-    )
+    spreads = variances + middle**2, slopes, shape_covariance, slopes
+    of_shape = np.einsum("h,ahp,pq,bhq->ab", *spreads)
     noise = (matrix * variances) @ matrix.T + of_shape + noise
     spread = covariance[:2, :2] + noise
     innovation = point - state[:2] - matrix @ middle
-    *kinematic, distance = kalman.update(state, covariance, innovation, noise)
+    correction, updated, distance = kalman.correct(covariance, kalman.PLACE, noise, innovation)
 
     # The squares of the innovation: their mean and covariance, and their slope by the shape.
     i, j = SQUARES
@@ -178,9 +172,6 @@ def _of_side(
     products = np.einsum("ah,h,bhp->abp", matrix, variances, slopes)
     jacobian = products[i, j] + products[j, i]
     shape_gain = np.linalg.solve(moments, jacobian @ shape_covariance).T
-    posterior = Estimate(
-        *kinematic,
-        shape + shape_gain @ squares,
-        shape_covariance - shape_gain @ jacobian @ shape_covariance,
-    )
+    of_shape = shape_covariance - shape_gain @ jacobian @ shape_covariance
+    posterior = Estimate(state + correction, updated, shape + shape_gain @ squares, of_shape)
     return posterior, -0.5 * (distance + float(np.log(np.linalg.det(spread)))), distance

@@ -22,9 +22,9 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, rectangle_states
-from stixel_cli.tracking.kalman import update
+from stixel_cli.tracking.kalman import PLACE, correct
 from stixel_cli.tracking.loop import Filtered
-from stixel_cli.tracking.motion import MOVING, predict_place, turn_rate_variance
+from stixel_cli.tracking.motion import MOVING, predict_place
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -90,17 +90,14 @@ def track(
             wide = (weight + 3.0) / weight * extension
             scattered = SCATTER * wide + noise
             innovation, noise = centre - mean[:2], scattered / len(points)
-            wide = update_extension(
-                wide, weight, (innovation, covariance[:2, :2] + noise), (points - centre, scattered)
-            )
-            mean, covariance, nis = update(mean, covariance, innovation, noise)
+            moved = innovation, covariance[:2, :2] + noise
+            wide = update_extension(wide, weight, moved, (points - centre, scattered))
+            correction, covariance, nis = correct(covariance, PLACE, noise, innovation)
+            mean = mean + correction
             weight += len(points)
             extension = weight / (weight + 3.0) * wide
-        speed = float(np.hypot(*mean[2:]))
-        turning = turn_rate_variance(speed, scan.interval, tracker.sigma_q)
-        states = rectangle_states(
-            (mean, covariance), _shape_of(extension, weight), heading, turning
-        )
+        moving, motion = (mean, covariance), (heading, scan.interval, tracker.sigma_q)
+        states = rectangle_states(moving, _shape_of(extension, weight), *motion)
         heading = states[0][2]
         filtered.add(*states, indices, nis, degrees=2)
     return filtered.track(contours_of(*filtered.states, prior))

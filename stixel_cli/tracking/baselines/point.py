@@ -18,7 +18,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.kalman import Step, smooth, update
+from stixel_cli.tracking.kalman import PLACE, Step, correct, smooth
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING
 from stixel_cli.tracking.prior import EVEN, PriorShape, prior_radii
@@ -73,15 +73,16 @@ def track(
     filtered, nis = Filtered(scans, 4), np.nan
     steps: list[Step] = []
     for scan in filtered:
-        mean, covariance = predicted = motion.predict_place(
-            mean, covariance, scan.interval, tracker.sigma_q
-        )
+        moved = scan.interval, tracker.sigma_q
+        mean, covariance = predicted = motion.predict_place(mean, covariance, *moved)
         spread = covariance[:2, :2] + lone * np.eye(2)
         indices = associate(scan.points, mean[:2], spread)
         if len(indices):
             variance = (CENTROID_OFFSET * radius) ** 2 + lone / len(indices)
             innovation = scan.points[indices].mean(axis=0) - mean[:2]
-            mean, covariance, nis = update(mean, covariance, innovation, variance * np.eye(2))
+            noise = np.full(2, variance)
+            correction, covariance, nis = correct(covariance, PLACE, noise, innovation)
+            mean = mean + correction
         matrix = motion.transition(scan.interval)[np.ix_(MOVING, MOVING)]
         steps.append(Step(mean, covariance, *predicted, steps[-1] if steps else None, matrix))
         filtered.add(mean, covariance, indices, nis, degrees=2)
@@ -91,9 +92,8 @@ def track(
         states, spreads = np.empty((len(scans), 6)), np.empty((len(scans), 6, 6))
         heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
         for k, interval in enumerate(motion.intervals(scans.times)):
-            states[k], spreads[k] = motion.six_states(
-                means[k], covariances[k], heading, interval, tracker.sigma_q
-            )
+            moved = means[k], covariances[k], heading, interval, tracker.sigma_q
+            states[k], spreads[k] = motion.six_states(*moved)
             heading = (states[k, 2], spreads[k, 2, 2])
         _, directions = contour_directions(states[:, 2])
         shift = shift_variances(directions, spreads)

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import located
 from stixel_cli.geometry.pose import rotation, world_from_target, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
@@ -51,9 +51,6 @@ class PyRecEstParameters:
 
 HARMONICS = 4
 """Of the Fourier series of `fourier_rhm`: more bend between the points of one visible side."""
-
-CONTOUR_POINTS = 72
-"""Number M of points of the contour that is reported: no estimate depends on it."""
 
 EXTENT_WEIGHT = 10.0
 """Degrees of freedom above the least with which the class's size counts."""
@@ -107,14 +104,11 @@ def track(
 
 def _filters() -> ModuleType:
     """The module of PyRecEst that has the filters."""
-    try:
+    needs = "tracker=pyrecest needs PyRecEst: pip install 'stixel[peers]'"
+    with located(needs, caught=ImportError):
         # Without the first, the module of the Fourier series cannot be imported.
         import pyrecest.distributions
         import pyrecest.filters
-    except ImportError as error:
-        raise UserError(
-            f"tracker=pyrecest: PyRecEst is not installed ({error}): pip install 'stixel[peers]'"
-        ) from None
     return pyrecest.filters
 
 
@@ -126,7 +120,7 @@ class _Adapted:
     """
 
     def contour(self) -> np.ndarray:
-        return np.asarray(self._filter.get_contour_points(CONTOUR_POINTS))
+        return np.asarray(self._filter.get_contour_points(120))
 
 
 class _StarConvex(_Adapted):
@@ -303,6 +297,6 @@ class _Ellipse(_Adapted):
 
     def contour(self) -> np.ndarray:
         # Counter-clockwise; the first axis is along the heading.
-        angles, _ = contour_directions(np.zeros(1), CONTOUR_POINTS)
+        angles, _ = contour_directions(np.zeros(1))
         points = np.stack([np.cos(angles), np.sin(angles)], axis=1) * self._oriented()[2]
         return world_from_target(points, self.estimate()[0])

@@ -78,9 +78,8 @@ def track(
     """
     size, fullness = np.array([prior.length, prior.width]), fullness_of(prior)
     mean = np.concatenate([initial.mean, size])
-    covariance = np.zeros((8, 8))
-    covariance[:6, :6] = initial.covariance
-    covariance[6, 6], covariance[7, 7] = (size * [prior.length_std, prior.width_std]) ** 2
+    covariance = np.pad(initial.covariance, (0, 2))
+    covariance[[6, 7], [6, 7]] = (size * [prior.length_std, prior.width_std]) ** 2
     of_sides = np.diag([0.0] * 8 + [tracker.side_std**2] * 4)
     filtered = Filtered(scans, 8)
     for scan in filtered:
@@ -95,13 +94,17 @@ def track(
         if len(indices):
             seen = scan.points[indices], noises[indices], scan.sensor
             measured = measure(mean, *seen, fullness, tracker, scans.field_of_view)
+            # The errors of the four sides are further states.
             whole = np.pad(covariance, (0, 4)) + of_sides
-            kept = inside(whole, measured)
+            predicted = np.einsum("mi,ij,mj->m", measured.matrix, whole, measured.matrix)
+            # Chi-square of one degree of freedom, at the probability 0.99.
+            kept = measured.innovations**2 <= 6.6348966 * (predicted + measured.variances)
             indices = indices[kept[: len(indices)]]
         if len(indices):
-            measured = Rows(*(part[kept] for part in measured))
-            mean, covariance, nis = update(mean, whole, measured)
-            degrees = len(measured.innovations)
+            innovations, matrix, variances = (part[kept] for part in measured)
+            correction, posterior, nis = correct(whole, matrix, variances, innovations)
+            mean, covariance, degrees = mean + correction[:8], posterior[:8, :8], len(innovations)
+            mean[6:] = np.maximum(mean[6:], LEAST_SIZE)
         filtered.add(mean, covariance, indices, nis, degrees)
     return filtered.track(contours_of(*filtered.states, prior, tracker.side_std))
 
@@ -191,24 +194,3 @@ def _ends(
         variances[i] = gap**2 / 12.0 + outwards @ noises[last[i]] @ outwards + corner_std**2
     kept = uncut(bearings[last], np.hypot(*offsets[last].T), field_of_view)
     return Rows(innovations[kept], matrix[kept], variances[kept])
-
-
-def inside(covariance: np.ndarray, rows: Rows) -> np.ndarray:
-    """Which rows (m,) have an innovation inside the gate; `covariance` as of `update`."""
-    spread = np.einsum("mi,ij,mj->m", rows.matrix, covariance, rows.matrix) + rows.variances
-    # Chi-square of one degree of freedom, at the probability 0.99.
-    return rows.innovations**2 <= 6.6348966 * spread
-
-
-def update(
-    mean: np.ndarray, covariance: np.ndarray, rows: Rows
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Posterior mean (8,), covariance (8, 8) and NIS.
-
-    `covariance` (12, 12) is that of the eight states and of the errors of the four sides.
-    """
-    model = rows.matrix, rows.variances, rows.innovations
-    correction, posterior, nis = correct(covariance, *model)
-    updated = mean + correction[:8]
-    updated[6:] = np.maximum(updated[6:], LEAST_SIZE)
-    return updated, posterior[:8, :8], nis

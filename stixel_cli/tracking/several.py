@@ -44,9 +44,8 @@ def find_tracks(scans: Scans, prior: PriorShape, start: ScansStart) -> tuple[Fou
             kept.append((one, k))
         else:
             kept[i] = _joined(kept[i][0], one), min(k, kept[i][1])
-    return tuple(
-        FoundTrack(one.rows, k, initial_state(scans, one, k, sizes, start)) for one, k in kept
-    )
+    states = [initial_state(scans, one, k, sizes, start) for one, k in kept]
+    return tuple(FoundTrack(one.rows, k, at) for (one, k), at in zip(kept, states, strict=True))
 
 
 def initial_state(
@@ -120,9 +119,8 @@ def free_and_occupied(scans: Scans, k: int, own: np.ndarray, before: np.ndarray)
     pose, view = scans.sensor_poses_world[k], scans.field_of_view
     # A cluster has left the places that would not belong to it now.
     away, _ = cKDTree(scans.points_world[own]).query(scans.points_world[before])
-    places, points = (
-        _seen_from(scans, pose, these) for these in (before[away > GAP], scans.rows(k))
-    )
+    places = _seen_from(scans, pose, before[away > GAP])
+    points = _seen_from(scans, pose, scans.rows(k))
     if view is not None:
         places = places[:, (places[1] > view.right) & (places[1] < view.left)]
     ranges, bearings, variances = places[..., None]

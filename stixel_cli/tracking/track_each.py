@@ -48,11 +48,7 @@ def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
     """
     ks = range(min(found.rows), max(found.rows) + 1)
     rows = np.concatenate([np.sort(found.rows[k]) for k in ks if k in found.rows])
+    times, poses = scans.times[ks], scans.sensor_poses_world[ks]
     own = scans.of_rows(rows)
-    own = replace(
-        own,
-        times=own.times[ks],
-        sensor_poses_world=own.sensor_poses_world[ks],
-        offsets=own.offsets[ks.start : ks.stop + 1],
-    )
-    return own, rows
+    offsets = own.offsets[ks.start : ks.stop + 1]
+    return replace(own, times=times, sensor_poses_world=poses, offsets=offsets), rows
