@@ -30,7 +30,7 @@ from stixel_cli.tracking.track import (
 )
 
 if TYPE_CHECKING:
-    from stixel_cli.tracking.gp_ekf_covariance import StatedCovariance
+    from stixel_cli.tracking.one_side import OneSide
 
 
 @parameters
@@ -99,14 +99,12 @@ def track(
         tracker.jitter,
         mean_radius(prior) if tracker.mean_function == "class_radius" else 0.0,
     )
-    stated, radii = None, prior_radii(prior, process.basis_angles)
+    side, radii = None, prior_radii(prior, process.basis_angles)
     if tracker.seen_by is not None:
         # Numba takes half a second to import, and every command imports this module.
-        from stixel_cli.tracking.gp_ekf_covariance import StatedCovariance
         from stixel_cli.tracking.one_side import OneSide
 
-        side = OneSide(prior, tracker, process, scans)
-        stated = StatedCovariance(initial.covariance, tracker.forgetting_rate, side)
+        side = OneSide(prior, tracker, process, scans, initial.covariance)
         radii = side.radii
     mean = np.concatenate([initial.mean, radii])
     covariance = block_diag(initial.covariance, process.covariance)
@@ -125,14 +123,14 @@ def track(
         mean, covariance = predicted = motion.predict(
             mean, covariance, interval, noise, tracker.forgetting_rate, process
         )
-        if stated:
-            stated.predict(transition[:6, :6], noise, interval)
+        if side:
+            side.predict(transition[:6, :6], noise, interval)
         if tracker.slip is not None:
             mean, covariance, *tie = motion.tied_to_velocity(mean, covariance, tracker.slip)
-            if stated:
-                stated.correct_by_one(*tie, tracker.slip**2)
-        mean, covariance, indices, nis = _updated(mean, covariance, scan, process, stated, tracker)
-        filtered.add(mean, stated.reported if stated else covariance, indices, nis)
+            if side:
+                side.correct_by_one(*tie, tracker.slip**2)
+        mean, covariance, indices, nis = _updated(mean, covariance, scan, process, side, tracker)
+        filtered.add(mean, side.reported if side else covariance, indices, nis)
         if tracker.lag != 0:
             last = steps[-1] if steps else None
             steps.append(Step(mean, covariance, *predicted, last, transition))
@@ -146,7 +144,7 @@ def track(
         return with_sensor_errors(track, scans)
     smoothed_means, smoothed_covariances = smooth(steps, tracker.lag, heading=2)
     # Of errors that scans share, later scans take little: those of the filter are stated.
-    smoothed = reported(smoothed_means, covariances if stated else smoothed_covariances)
+    smoothed = reported(smoothed_means, covariances if side else smoothed_covariances)
     track = replace(track, smoothed=replace(smoothed, lag=tracker.lag))
     return with_sensor_errors(track, scans)
 
@@ -156,21 +154,20 @@ def _updated(
     covariance: np.ndarray,
     scan: Scan,
     process: ContourProcess,
-    stated: "StatedCovariance | None",
+    side: "OneSide | None",
     tracker: GpEkfParameters,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Mean and covariance after a scan, the indices (m,) of its points that were used, the NIS."""
     points, variance = scan.points, tracker.measurement_std**2
-    if stated:
-        side = stated.side
-        rays, shape_stds = side.rays(scan, mean, position=stated.matrix[:2, :2])
+    if side:
+        rays, shape_stds = side.rays(scan, mean)
         points = rays.points_world
     indices = _associated(points, mean, covariance, process, tracker)
-    if stated:
+    if side:
         indices = side.target(rays, indices, mean, covariance)
     if not len(indices):
         return mean, covariance, indices, np.nan
-    if not stated:
+    if not side:
         model = linearise(points[indices], mean, process)
         mean, covariance, _, nis = update(mean, covariance, model, variance, tangential=True)
         return mean, covariance, indices, nis
@@ -178,10 +175,10 @@ def _updated(
     moved = side.between_ends(taken, mean, covariance)
     if moved is not None:
         mean, *ends = moved
-        stated.correct_by_one(*ends)
-    model = side.linearised(taken, mean, position=stated.matrix[:2, :2])
+        side.correct_by_one(*ends)
+    model = side.linearised(taken, mean)
     mean, covariance, gain, _ = update(mean, covariance, model, variance, tangential=False)
-    nis = stated.correct_by_scan(gain, model, taken, shape_stds[indices])
+    nis = side.correct_by_scan(gain, model, taken, shape_stds[indices])
     return mean, covariance, indices, nis
 
 

@@ -3,6 +3,13 @@
 The points of [GP] are on the contour, all round it, and all are the target's. A camera or a lidar
 sees the near side alone, less than the outline of a class (`contour/class_shape.py`), and its
 neighbours. A small contour can fit such points with its far side, or grow into a neighbour.
+
+The gain of `gp_ekf` takes neighbouring points for independent ones, with a noise so large that
+their shared error hardly matters. The covariance that goes with that gain alone is too large where
+the errors are small, and too small where they are shared. What is stated is that of the same
+estimate, with the errors that are there (`consider.py`): the points' own noise, the size of the
+class, the shape that the sensor sees, in which road users differ and limbs swing, and what all
+scans share.
 """
 
 from dataclasses import replace
@@ -11,12 +18,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
+from scipy.linalg import block_diag
 
 from stixel_cli.geometry.kernel import first_hits, returning
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.background import Background
+from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.class_shape import MODE_ANGLES, class_shape, outline_modes
 from stixel_cli.tracking.contour.contour_rays import (
     FACES,
@@ -48,8 +57,10 @@ END_SHARE = 0.17
 ends of the outline."""
 
 
-class OneSide:
+class OneSide(JointCovariance):
     """A sensor that sees one side of the targets of a `prior`, from their points alone if unknown.
+
+    And the joint covariance of the state of `gp_ekf` and of the errors that it considers.
 
     Attributes:
         radii: (N,) m at the angles of the `process`: of the class's outline in the prior's size, or
@@ -59,21 +70,34 @@ class OneSide:
             its limbs, and the roughness. Reported alone: in a scan the visible shape contains it.
         roughness: m, root mean square of what the process leaves out of the class's outline: its
             corners and wheels are sharper.
-        face_errors: number of a target's errors at the heights of its points, see `at_heights`.
-        std_factor: on the standard deviation of a point, see `VisibleShape`.
     """
 
     def __init__(
-        self, prior: PriorShape, tracker: "GpEkfParameters", process: ContourProcess, scans: Scans
+        self,
+        prior: PriorShape,
+        tracker: "GpEkfParameters",
+        process: ContourProcess,
+        scans: Scans,
+        initial: np.ndarray,
     ):
-        self._process, self._view, self.face_errors = process, scans.field_of_view, 0
+        """From the covariance (6, 6) `initial` of the start."""
+        self._process, self._field_of_view, shared = process, scans.field_of_view, 0
         self._background, self._sight = Background(), None
         self.radii = prior_radii(prior, process.basis_angles)
         self.radii_covariance, self.shape_covariance = process.covariance, 0.0 * process.covariance
-        self.std_factor, self.roughness, self._end_std = 1.0, 0.0, END_SHARE * prior.width
-        if prior.road_user == "unknown":
-            return
-        shape = class_shape(prior.road_user)
+        self._std_factor, self.roughness, self._end_std = 1.0, 0.0, END_SHARE * prior.width
+        if prior.road_user != "unknown":
+            self._know_class(prior, tracker)
+            shared = FACES * (scans.heights is not None and self._sight.height_insets is not None)
+        # Radii that are not seen are forgotten at the rate of the process.
+        rate, count = tracker.forgetting_rate, len(self.radii)
+        memories = [1.0 / rate if rate else np.inf, FIELD_TIME, np.inf]
+        covariance = block_diag(initial, self.radii_covariance)
+        super().__init__(covariance, np.repeat(memories, [count, NODES, shared]), count)
+
+    def _know_class(self, prior: PriorShape, tracker: "GpEkfParameters") -> None:
+        """Outline, sizes, shapes and visible shape of the class of the `prior`."""
+        process, shape = self._process, class_shape(prior.road_user)
         self._factors = np.log(np.array([prior.length, prior.width]) / shape.size)
         outline = shape.outline * np.exp(self._factors)
         bearings = np.arctan2(outline[:, 1], outline[:, 0])
@@ -91,23 +115,28 @@ class OneSide:
         self.radii_covariance = sizes.T @ sizes
         self._sight = sight = sight_of(prior.road_user, tracker)
         self._tables = sight.table, outline_table(shape.outline)
-        self.std_factor = sight.std_factor
-        if scans.heights is not None and sight.height_insets is not None:
-            self.face_errors = FACES
+        self._std_factor = sight.std_factor
 
     def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
         """`values` (n,) at the `bearings` (n,) rad of an outline, at the basis angles (N,)."""
         return np.interp(self._process.basis_angles, bearings, values, period=2.0 * np.pi)
 
-    def rays(self, scan: Scan, mean: np.ndarray, position: np.ndarray) -> tuple[Rays, np.ndarray]:
+    @property
+    def reported(self) -> np.ndarray:
+        """Covariance (6 + N, 6 + N) of pose, rates, and radii of this target in this moment."""
+        reported = self.matrix[: self.size, : self.size].copy()
+        reported[6:, 6:] += self.shape_covariance
+        return reported
+
+    def rays(self, scan: Scan, mean: np.ndarray) -> tuple[Rays, np.ndarray]:
         """The rays of the points of a scan, moved to where they would be if the outline were seen.
 
-        `mean` (6 + N,) is the target's state, `position` (2, 2) m² the covariance of its place.
-        Points of an unknown class stay. Also the standard deviations (n,) m of these moves.
+        `mean` (6 + N,) is the target's state. Points of an unknown class stay. Also the standard
+        deviations (n,) m of these moves.
         """
-        sensor = scan.sensor
-        rays = rays_of(scan.points, scan.covariances, sensor, self._view, scan.heights)
-        spread = np.sqrt(max(np.trace(position), 0.0))
+        seen, sensor = (scan.points, scan.covariances), scan.sensor
+        rays = rays_of(*seen, sensor, self._field_of_view, scan.heights)
+        spread = np.sqrt(max(np.trace(self.matrix[:2, :2]), 0.0))
         others = self._background.others(rays, mean[:2], mean[6:].max(), spread)
         if self._sight is None or not len(scan.points):
             return replace(rays, others=others), np.zeros(len(scan.points))
@@ -142,21 +171,21 @@ class OneSide:
         reach = np.where(main, REACH + np.sqrt(np.maximum(variances, 0.0)), REACH_BESIDE)
         return candidates[(residuals < reach) & (residuals > -2.0 * reach)]
 
-    def linearised(self, rays: Rays, mean: np.ndarray, position: np.ndarray) -> Linearisation:
+    def linearised(self, rays: Rays, mean: np.ndarray) -> Linearisation:
         """The model of the points of `rays`, at the places where they most likely were.
 
         At a noisy point itself the radius and its slope are those of another place: with noise of
         half of the target's size the near side moves away. So each is taken between where its ray
-        meets the contour and the point, by the variances of the `position` (2, 2) m² along the ray
-        and of the point, at most half way to the centre: beyond it the far side fits as well. The
-        residual is that of the point, linear from there.
+        meets the contour and the point, by the variances along the ray of the target's place and of
+        the point, at most half way to the centre: beyond it the far side fits as well. The residual
+        is that of the point, linear from there.
         """
         radii, directions = np.maximum(mean[6:], 0.0), rays.directions
         corners = radii[:, None] * self._process.basis_directions
         contour = mean[:2] + corners @ rotation(mean[2]).T
         ranges = first_hits(contour, np.full_like(directions, rays.sensor[:2]), directions)
-        of_position = ((directions @ position) * directions).sum(axis=1)
-        share = of_position / (of_position + (self.std_factor * rays.stds) ** 2)
+        of_position = ((directions @ self.matrix[:2, :2]) * directions).sum(axis=1)
+        share = of_position / (of_position + (self._std_factor * rays.stds) ** 2)
         behind = np.where(np.isfinite(ranges), ranges - rays.ranges, 0.0)
         deep = 0.5 * radii.min()
         moved = (behind - np.clip(share * behind, -deep, deep))[:, None] * directions
@@ -184,6 +213,27 @@ class OneSide:
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + self._end_std**2)
         return mean + gain * offset, gain, row, self._end_std**2
+
+    def correct_by_scan(
+        self, gain: np.ndarray, model: Linearisation, rays: Rays, shape_stds: np.ndarray
+    ) -> float:
+        """After the update of the `model` of a scan by `gain` (6 + N, n); returns the NIS.
+
+        `rays` are those of its points, `shape_stds` (n,) m the standard deviations of the visible
+        shape.
+        """
+        gradients, (matrix, variances) = model.gradients, model.rows
+        along = (gradients * rays.directions).sum(axis=1)
+        squares = (gradients**2).sum(axis=1)
+        own = (self._std_factor * rays.stds * along) ** 2 + variances
+        own += self.roughness**2 * squares
+        own += (squares - along**2) * rays.across_variances
+        field = (shape_stds * along)[:, None] * field_weights(model.angles)
+        shared = (gradients[:, None] @ rays.shared)[:, 0]
+        rows, residuals = np.hstack([matrix, field, shared]), model.residuals
+        spread = self.correct(gain, rows, gain * own) @ rows.T
+        spread.flat[:: len(own) + 1] += own
+        return float(residuals @ np.linalg.solve(spread, residuals))
 
 
 @returning(lambda *_: (np.zeros((4, 3)), np.empty((2, 3))))

@@ -66,13 +66,14 @@ def side_of(prior, seen_by="stixels", field_of_view=None):
     """Its contour process, and the side of a sensor with one scan and no points."""
     process = ContourProcess(50, np.pi / 8, 0.1, 0.05, 1e-6)
     scans = replace(scans_of([np.zeros((0, 2))]), field_of_view=field_of_view)
-    return process, OneSide(prior, configured(f"tracker.seen_by={seen_by}").tracker, process, scans)
+    tracker = configured(f"tracker.seen_by={seen_by}").tracker
+    return process, OneSide(prior, tracker, process, scans, 0.01 * np.eye(6))
 
 
 def row_of_points(side, mean, shift):
     """Rays through nine points on the near side of the contour, moved to the right."""
     points = np.stack([np.linspace(-0.9, 0.9, 9) + shift, np.full(9, 9.8)], axis=-1)
-    return side.rays(scan_of(points), mean, 0.01 * np.eye(2))[0]
+    return side.rays(scan_of(points), mean)[0]
 
 
 def scan_of(points):
@@ -119,7 +120,7 @@ def test_an_end_that_is_not_seen_is_not_used(hidden):
     if hidden != "border":
         nearer = [[-0.9, 8.0], [0.9, 8.0]]
         points = np.vstack([rays.points_world, nearer])
-        rays = side.rays(scan_of(points), mean, 0.01 * np.eye(2))[0]
+        rays = side.rays(scan_of(points), mean)[0]
         assert side.between_ends(rays.subset(np.arange(9)), mean, covariance) is None
     else:
         row = side.between_ends(rays, mean, covariance)[2]
@@ -133,7 +134,8 @@ def test_points_are_those_of_the_side_that_the_sensor_sees():
     mean, _ = across(side)
     rays, width = row_of_points(side, mean, 0.0), 2.0 * side.radii[12:14].mean()
     far = replace(rays, ranges=rays.ranges + width + (10.0 - width / 2 - 9.8))
-    model = side.linearised(far, mean, position=np.eye(2))
+    side.matrix[:2, :2] = np.eye(2)
+    model = side.linearised(far, mean)
     slopes = (model.gradients * far.directions).sum(axis=1)
     assert (slopes < -0.9).all()
     assert model.residuals / slopes == pytest.approx(width, abs=0.25)
@@ -155,7 +157,7 @@ def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
     _, side = side_of(prior)
     points = np.array([[0.5, 9.0], [-0.5, 9.1]])
     mean = np.concatenate([np.zeros(6), side.radii])
-    rays, stds = side.rays(scan_of(points), mean, 0.01 * np.eye(2))
+    rays, stds = side.rays(scan_of(points), mean)
     assert not stds.any()
     assert rays.points_world == pytest.approx(points)
 
@@ -167,7 +169,7 @@ def test_what_stands_elsewhere_is_remembered_where_it_was_measured():
     scan = scan_of(hedge)._replace(heights=np.full(21, 1.2))
     for place in (30.0, 12.0):
         mean = np.concatenate([[0.0, place, -0.5 * np.pi, 0.0, 0.0, 0.0], side.radii])
-        rays, _ = side.rays(scan, mean, 0.01 * np.eye(2))
+        rays, _ = side.rays(scan, mean)
         assert rays.others.all()
     assert np.hypot(*(rays.points_world - hedge).T).min() > 0.5
 
