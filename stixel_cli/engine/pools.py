@@ -237,9 +237,9 @@ def _prepare_worker(parent: int) -> None:
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     from loky import process_executor
 
-    # With psutil installed, loky takes growth of a worker by 300 MB for a leak and replaces it.
-    # Loading large libraries and compiled kernels takes as much.
-    process_executor._MAX_MEMORY_LEAK_SIZE = float("inf")
+    # loky replaces a worker that grows by 300 MB, as large libraries and compiled kernels make it.
+    # Before it measures first, it searches all objects for garbage, 0.1 s.
+    process_executor._get_memory_usage = lambda pid, force_gc=False: 0
 
 
 def _end_with(parent: int) -> None:
