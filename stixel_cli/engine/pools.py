@@ -237,8 +237,8 @@ def _prepare_worker(parent: int) -> None:
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     from loky import process_executor
 
-    # loky replaces a worker that grows by 300 MB, which large libraries and compiled kernels take as
-    # well, and before it measures first it searches all objects for garbage: 0.1 s.
+    # loky replaces a worker that grows by 300 MB, as large libraries and compiled kernels make it.
+    # Before it measures first, it searches all objects for garbage, 0.1 s.
     process_executor._get_memory_usage = lambda pid, force_gc=False: 0
 
 
