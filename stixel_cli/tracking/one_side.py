@@ -4,12 +4,11 @@ The points of [GP] are on the contour, all round it, and all are the target's. A
 sees the near side alone, less than the outline of a class (`contour/class_shape.py`), and its
 neighbours. A small contour can fit such points with its far side, or grow into a neighbour.
 
-The gain of `gp_ekf` takes neighbouring points for independent ones, with a noise so large that
-their shared error hardly matters. The covariance that goes with that gain alone is too large where
-the errors are small, and too small where they are shared. What is stated is that of the same
-estimate, with the errors that are there (`consider.py`): the points' own noise, the size of the
-class, the shape that the sensor sees, in which road users differ and limbs swing, and what all
-scans share.
+The gain of `gp_ekf` takes neighbouring points for independent ones, with a noise that stands for
+what they share. Its covariance is too large where the errors are small, and too small where they
+are shared. What is stated is that of the same estimate with the errors that are there
+(`consider.py`): the points' own noise, the size of the class, the shape that the sensor sees, in
+which road users differ and limbs swing, and what all scans share.
 """
 
 from dataclasses import replace
