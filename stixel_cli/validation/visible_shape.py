@@ -147,7 +147,8 @@ def visible_outline_of(scenarios: Sequence[Scenario], shape: ClassShape) -> Visi
     found = np.concatenate(rows)
     found = found[np.abs(found[:, 4]) < NEAR_DEPTH]
     biases, _, depth_stds, _ = _depths(np.concatenate([found, _mirrored(found)]))
-    insets, inset_stds = _insets(*np.concatenate(ends).T)
+    aspect, inset = np.concatenate(ends).T
+    insets, inset_stds = _insets(aspect, inset, np.zeros(len(inset)))
     return VisibleShape(biases, 0.0, depth_stds, 1.0, insets, inset_stds)
 
 
@@ -162,7 +163,8 @@ def visible_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShap
     low = np.stack([points[np.argmin(points[:, 1])] for points in seen])
     high = np.stack([points[np.argmax(points[:, 1])] for points in seen])
     ends = np.concatenate([low, _mirrored(high)])
-    insets, inset_stds = _insets(ends[:, 0], ends[:, 1] - ends[:, 2])
+    sides = np.repeat([1.0, -1.0], len(low))
+    insets, inset_stds = _insets(ends[:, 0], ends[:, 1] - ends[:, 2], sides)
     return VisibleShape(biases, per_std, depth_stds, factor, insets, inset_stds)
 
 
@@ -267,21 +269,28 @@ def _depths(rows: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, float]:
     return biases, float(found[-1]), np.sqrt(variances), float(np.sqrt(max(spread[-1], 0.1)))
 
 
-def _insets(aspect: np.ndarray, inset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _insets(
+    aspect: np.ndarray, inset: np.ndarray, side: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """`insets` (2, 24) m and `inset_stds` of the insets (n,) m of low ends at `aspect` (n,) rad.
 
-    The high ends are those of the mirrored target.
+    The high ends are those of the mirrored target. `side` (n,) is 1 for a right end and -1 for a
+    left one, by which the sensor differs: what is left of an object is hidden from the right camera
+    of a stereo rig, and its matcher takes some of it for the object. 0: the sides are alike.
     """
-    nodes = _aspect_weights(aspect)
-    penalty = 2.0 * _penalty(NODES[0], 1) + 0.3 * np.eye(NODES[0])
+    nodes, count = np.column_stack([_aspect_weights(aspect), side]), NODES[0]
+    penalty = np.eye(count + 1)
+    penalty[:count, :count] = 2.0 * _penalty(count, 1) + 0.3 * np.eye(count)
+    pull = np.append(np.full(count, 0.3 * np.median(inset)), 0.0)
     weights = np.ones(len(nodes))
     for _ in range(ROUNDS + 2):
         weighted = nodes * weights[:, None]
         inverse = np.linalg.inv(weighted.T @ nodes + penalty)
-        found = inverse @ (weighted.T @ inset + 0.3 * np.median(inset))
+        found = inverse @ (weighted.T @ inset + pull)
         left = inset - nodes @ found
         weights = 1.0 / (1.0 + (left / 0.08) ** 2)
     squares = inverse @ (weighted.T @ np.minimum(left**2, 0.3**2) + 0.3 * 0.06**2)
-    stds = np.sqrt(np.maximum(squares, LEAST_INSET_STD**2))
-    other_side = -np.arange(NODES[0]) % NODES[0]
-    return np.stack([found, found[other_side]]), np.stack([stds, stds[other_side]])
+    stds = np.sqrt(np.maximum(squares[:count], LEAST_INSET_STD**2))
+    other_side, (found, by_side) = -np.arange(count) % count, np.split(found, [count])
+    insets = np.stack([found + by_side, found[other_side] - by_side])
+    return insets, np.stack([stds, stds[other_side]])

@@ -58,6 +58,18 @@ def test_visible_shape_is_found_behind_the_outline(sample, shape):
     assert np.abs(seen.insets).max() < 0.08
 
 
+def test_one_end_may_be_seen_farther_out_than_the_other(sample, shape):
+    """A stereo matcher does so. Seen from one side alone, the other side has it, too."""
+    scenario, scans = sample
+    half = scans.of_rows(np.arange(scans.offsets[len(scans) // 2]))
+    aside = np.stack([-half.points_world[:, 1], half.points_world[:, 0]], axis=-1)
+    aside *= 0.05 / np.hypot(*aside.T)[:, None]
+    moved = dataclasses.replace(half, points_world=half.points_world + aside)
+    plain, left = (visible_shape_of([(scenario, each)], shape) for each in (half, moved))
+    apart = (left.insets - plain.insets).mean(axis=1)
+    np.testing.assert_allclose(apart, [0.05, -0.05], atol=0.01)
+
+
 def test_outline_of_one_road_user_is_its_own(shape):
     np.testing.assert_allclose(shape.size, [4.0, 1.8], rtol=0.02)
     np.testing.assert_allclose(np.ptp(shape.outline, axis=0), [4.0, 1.8], rtol=0.02)

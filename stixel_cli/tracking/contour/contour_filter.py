@@ -20,9 +20,9 @@ with a point of the target should meet it: how far it passes by the visible shap
 
 Neighbours and successive scans share the shape's error, so n points are not n independent ones.
 Large factors on the variances account for that in the gain. How certain the estimate is with this
-gain follows from the errors themselves: the sensor's own, errors of the sensor that do not change
-from scan to scan, and the deviation of the size from that of the class. The last two are
-considered, not estimated, see `consider.py`. What scans share of the shape's error is the residual.
+gain follows from the errors themselves: the sensor's own, and what a target's faces are off at the
+heights of its points, which is considered, not estimated, see `consider.py`. What scans share of
+the shape's error is the residual; of the sensor's, see `with_sensor_errors`.
 
 Errors have heavy tails, so their variances are divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a
 Student distribution, e the normalised error at the current iterate (Lange, Little, Taylor 1989,
