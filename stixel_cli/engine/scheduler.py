@@ -10,7 +10,6 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -65,8 +64,6 @@ class ChunkSequence(Sequence):
 
 def run_node(node: Node, folder: Path, limit: TimeLimit | None = None) -> Outcome:
     """Compute a node and store it at `folder`, unless the store has it by now."""
-    # The store needs it; its import is no part of the node's time.
-    import_module("joblib")
     store = Store(folder)
     started = time.perf_counter()
     try:
