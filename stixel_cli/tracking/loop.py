@@ -27,6 +27,15 @@ class Scan(NamedTuple):
     """(n,) m of the points above the road; None: unknown."""
 
 
+def each_scan(scans: Scans) -> Iterator[Scan]:
+    """One after the other, the first too."""
+    for k, interval in enumerate(intervals(scans.times)):
+        rows = scans.rows(k)
+        points, covariances = scans.points_world[rows], scans.covariances_world[rows]
+        heights = None if scans.heights is None else scans.heights[rows]
+        yield Scan(k, interval, points, covariances, scans.sensor_poses_world[k], heights)
+
+
 class Filtered:
     """Gives the scans one after the other, and keeps what a filter has after each.
 
@@ -45,12 +54,7 @@ class Filtered:
 
     def __iter__(self) -> Iterator[Scan]:
         """The scans, the first too: predict, update, and `add` the result before the next."""
-        scans = self._scans
-        for k, interval in enumerate(intervals(scans.times)):
-            rows = scans.rows(k)
-            points, covariances = scans.points_world[rows], scans.covariances_world[rows]
-            heights = None if scans.heights is None else scans.heights[rows]
-            yield Scan(k, interval, points, covariances, scans.sensor_poses_world[k], heights)
+        return each_scan(self._scans)
 
     def add(
         self,

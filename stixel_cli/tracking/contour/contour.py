@@ -31,7 +31,7 @@ from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import FACES, Rays, rays_of
 from stixel_cli.tracking.contour.forms import forms_of, free_form
-from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.loop import each_scan
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import (
     OTHER,
@@ -63,10 +63,7 @@ def track(
     """
     scans, used = scans.nearest_returns()
     bank = ClassBank(initial, prior, tracker, 0 if scans.heights is None else FACES)
-    for k, interval in enumerate(intervals(scans.times)):
-        rows, sensor = scans.rows(k), scans.sensor_poses_world[k]
-        points = scans.points_world[rows], scans.covariances_world[rows]
-        heights = None if scans.heights is None else scans.heights[rows]
+    for _, interval, *points, sensor, heights in each_scan(scans):
         bank.step(interval, rays_of(*points, sensor, scans.field_of_view, heights))
     track = bank.track(scans.times, scans.offsets[:-1])
     return with_sensor_errors(track, scans).of_points(used)
