@@ -19,7 +19,7 @@ class SharedErrors:
     """Standard deviations of errors that stay the same over all scans; 0 or empty: there is none.
 
     A point's own covariance does not contain them. A tracker cannot average them out: they are
-    added to what it states, see `tracking/consider.py`.
+    added to what it states, see `tracking.track:with_sensor_errors`.
 
     Attributes:
         disparity: independent errors of a stereo rig's disparity, each three coefficients, 1/m, of

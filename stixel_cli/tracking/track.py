@@ -232,7 +232,8 @@ def with_sensor_errors(track: Track, scans: "Scans") -> Track:
     moved = np.zeros((*track.means.shape, scans.shared_errors.count))
     for k, mean in enumerate(track.means):
         moved[k, :3] = scans.pose_shifts(k, mean[:3])
-    moved[1:, 3:6] = np.diff(moved[:, :3], axis=0) / np.diff(track.times)[:, None, None]
+    steps = np.diff(track.times)[:, None, None]
+    np.divide(np.diff(moved[:, :3], axis=0), steps, out=moved[1:, 3:6], where=steps > 0.0)
     added = moved @ moved.transpose(0, 2, 1)
     variances = track.contour_std**2 + shift_variances(track.contour_directions, added)
     return replace(

@@ -113,6 +113,13 @@ def test_an_error_of_the_sensors_place_moves_the_estimate_as_is_stated(axis):
     assert_allclose(added, 0.1**2, rtol=0.2)
 
 
+def test_two_scans_at_one_time_say_nothing_of_the_rates():
+    poses, shared = turning(3, 4.0, 0.3), SharedErrors(range_bias=0.1)
+    scans = replace(scans_seen(poses, noise=0.03), shared_errors=shared)
+    twice = replace(scans, times=scans.times[[0, 1, 1]])
+    assert np.isfinite(track(twice, start_at(poses), PRIORS["car"], TRACKER).covariances).all()
+
+
 def test_contour_trusts_edges_less_where_they_are_uncertain():
     poses = np.column_stack([np.zeros(20), np.full(20, 20.0), np.full(20, np.pi / 2)])
     scans = scans_seen(poses, noise=0.03)
