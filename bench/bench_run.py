@@ -46,8 +46,8 @@ def process(cache, results, *arguments):
         tempfile.TemporaryFile("w+") as errors,
         subprocess.Popen(command, env=environment, stdout=pipe, stderr=errors) as process,
     ):
-        peak = [0.0]
-        watcher = threading.Thread(target=watch, args=(process.pid, peak), daemon=True)
+        peak, ended = [0.0], threading.Event()
+        watcher = threading.Thread(target=watch, args=(process.pid, peak, ended), daemon=True)
         watcher.start()
         # Progress is on stderr, so the scores are the first of stdout.
         process.stdout.read(1)
@@ -56,6 +56,8 @@ def process(cache, results, *arguments):
         code, wall = process.wait(), time.perf_counter() - started
         errors.seek(0)
         assert code == 0, errors.read()
+    # At once: the wait for a next look would be in the table that pytest-benchmark prints.
+    ended.set()
     watcher.join()
     after = os.times()
     cpu = (after.children_user + after.children_system) - (
@@ -70,13 +72,11 @@ def process(cache, results, *arguments):
     }
 
 
-def watch(pid: int, peak: list[float]) -> None:
+def watch(pid: int, peak: list[float], ended: threading.Event) -> None:
     """Keep the greatest sum of the memory of a process and its descendants, MB, in `peak`."""
     while True:
         try:
             root = psutil.Process(pid)
-            if root.status() == psutil.STATUS_ZOMBIE:
-                return
             processes = [root, *root.children(recursive=True)]
         except psutil.NoSuchProcess:
             return
@@ -87,7 +87,8 @@ def watch(pid: int, peak: list[float]) -> None:
             except (psutil.NoSuchProcess, psutil.AccessDenied):
                 continue
         peak[0] = max(peak[0], total)
-        time.sleep(0.3)
+        if ended.wait(0.3):
+            return
 
 
 def call(cache, results, *arguments):

@@ -142,8 +142,7 @@ def _prepare(nodes: Sequence[Node], store: Store, progress: Progress) -> None:
     for text in undeclared_reads(nodes) if progress.advice else ():
         progress.note(text)
     if nodes:
-        # The store needs it, in each copy of this process as well.
-        import_module("joblib")
+        import_module("joblib")  # Of the store; in a copy of this process as well.
         store.check_writable()
     codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
     save_digests(store.folder)

@@ -294,9 +294,10 @@ class Scheduler:
                 self._submit(self._suspects.popleft())
             return
         of_workers, here = self._ready[False], self._ready[True]
-        while of_workers and len(self._in_flight) < self.pool.limit and self._fatal is None:
+        # Last in this process, which is busy then: no other task waits ahead of what follows it.
+        limit = self.pool.limit - bool(here)
+        while of_workers and len(self._in_flight) < limit and self._fatal is None:
             self._submit(heapq.heappop(of_workers)[-1])
-        # Last, as this process is busy until it is done.
         if here and self._fatal is None:
             self._submit(heapq.heappop(here)[-1])
 
