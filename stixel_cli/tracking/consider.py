@@ -52,13 +52,10 @@ class JointCovariance:
         return other
 
     def predict(self, transition: np.ndarray, noise: np.ndarray, interval: float) -> None:
-        """One `interval` in s later, with `transition` and `noise` of the states that do not fade.
-
-        A `transition` with d + m columns says what the considered errors do to the states, too.
-        """
-        states, before = slice(0, len(transition)), slice(0, transition.shape[1])
-        self.matrix[states] = transition @ self.matrix[before]
-        self.matrix[:, states] = self.matrix[:, before] @ transition.T
+        """One `interval` in s later, by `transition` and `noise` of the states that do not fade."""
+        states = slice(0, len(transition))
+        self.matrix[states] = transition @ self.matrix[states]
+        self.matrix[:, states] = self.matrix[:, states] @ transition.T
         self.matrix[states, states] += noise
         kept = np.exp(-interval / self._memories)
         kept = kept[:, None] * kept

@@ -278,17 +278,3 @@ def test_the_field_has_unit_variance_and_neighbours_share_it():
     assert correlations[apart < 0.25 * 2 * np.pi / NODES].min() > 0.7
     assert not correlations[apart > 2.001 * 2 * np.pi / NODES].any()
     assert FIELD_TIME == 0.5
-
-
-def test_an_estimate_that_goes_back_to_a_mean_errs_by_what_it_goes_back():
-    """Of an unseen target the size is the class's, and its error that of the class."""
-    std, keep = 0.3, 0.9
-    joint = JointCovariance(np.array([[std**2]]), np.array([np.inf]))
-    joint.matrix[0, 1] = joint.matrix[1, 0] = std
-    for _ in range(5):
-        joint.predict(np.array([[keep, (1.0 - keep) * std]]), np.zeros((1, 1)), 0.1)
-        np.testing.assert_allclose(joint.matrix[0, 0], std**2)
-    # Once it is known exactly, the estimate forgets it.
-    joint.matrix[0] = joint.matrix[:, 0] = 0.0
-    joint.predict(np.array([[keep, (1.0 - keep) * std]]), np.zeros((1, 1)), 0.1)
-    np.testing.assert_allclose(joint.matrix[0, 0], ((1.0 - keep) * std) ** 2)
