@@ -1,4 +1,4 @@
-"""A track from a file: that of a tracker in any other program, see `measurements/track_file.py`."""
+"""A track from a file: that of a tracker in any other program, see `track_file.py`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,6 @@ from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle, rotations
 from stixel_cli.measurements import tables
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.track_file import POSE, RADII, RATES, SIZE, STDS, VARIANCES, read_track
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
@@ -22,6 +21,7 @@ from stixel_cli.tracking.track import (
     directions_of,
     shift_variances,
 )
+from stixel_cli.tracking.track_file import POSE, RADII, RATES, SIZE, STDS, VARIANCES, read_track
 
 if TYPE_CHECKING:
     from pandas import DataFrame
