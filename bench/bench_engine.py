@@ -226,7 +226,7 @@ FUNCTIONS = [
     "stixel_cli.evaluation.evaluate:evaluate",
     "stixel_cli.pictures.camera:camera_pictures",
     "stixel_cli.pictures.birds_eye:track_pictures",
-    "stixel_cli.pictures.over_time:run_pictures",
+    "stixel_cli.pictures.over_time:error_pictures",
 ]
 
 

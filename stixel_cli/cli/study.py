@@ -156,7 +156,8 @@ def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
             else:
                 print_plan(part.plan)
             say("")
-        say(f"all sweeps{_total([plan])}")
+        if len(plan.sweeps) > 1:
+            say(f"all sweeps{_total([plan])}")
     return {"study": plan.study.name, "notes": list(plan.notes), "sweeps": sweeps}
 
 

@@ -182,7 +182,8 @@ TABLE: dict[str, Definition] = {
         "pictures.birds_eye:moving_pictures", "field_of_view", "pick", pictures=True
     ),
     "rig_pictures": stage("pictures.over_time:rig_pictures", pictures=True),
-    "run_pictures": stage("pictures.over_time:run_pictures", "field_of_view", pictures=True),
+    "path_pictures": stage("pictures.path_figure:path_pictures", "field_of_view", pictures=True),
+    "error_pictures": stage("pictures.over_time:error_pictures", pictures=True),
 }
 
 REPLAYED: dict[str, Definition] = {

@@ -1,4 +1,4 @@
-"""Pictures of a whole run: its path, its errors and consistency over time, the error of its rig."""
+"""Pictures of a whole run: its errors and consistency over time, the error of its rig."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,32 +9,17 @@ from stixel_cli.evaluation.scores import LOW_OVERLAP, SERIES, Scores
 from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures import style
-from stixel_cli.pictures.path_figure import path_figure
 from stixel_cli.pictures.uncertainty import normalised_chi_square_bounds
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 
 
-def run_pictures(
-    scans: Scans,
-    track: Track,
-    scenario: Scenario,
-    scores: Scores,
-    field_of_view: tuple[float, float] | None,
-) -> Pictures:
-    """`path` (contours along the path) and `errors` (over time), each as `.png` and `.svg`.
-
-    Without truth `errors` has only the panels that need none. `field_of_view` is in rad, None if
-    unknown.
-    """
-    files = {}
+def error_pictures(scans: Scans, track: Track, scenario: Scenario, scores: Scores) -> Pictures:
+    """`errors`, over time, as `.png` and `.svg`; without truth the panels that need none."""
     with style.drawing():
-        path = path_figure(track, scenario, field_of_view)
-        errors = errors_figure(scans, track, scores, bool(scenario.known.any()))
-        for name, figure in (("path", path), ("errors", errors)):
-            files |= {f"{name}.png": style.png(figure), f"{name}.svg": style.svg(figure)}
-    return Pictures(files)
+        figure = errors_figure(scans, track, scores, bool(scenario.known.any()))
+        return Pictures({"errors.png": style.png(figure), "errors.svg": style.svg(figure)})
 
 
 def errors_figure(scans: Scans, track: Track, scores: Scores, with_truth: bool = True) -> Figure:

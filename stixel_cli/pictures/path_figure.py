@@ -12,6 +12,7 @@ from matplotlib.patheffects import withStroke
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.pictures import ground, style
 from stixel_cli.pictures.uncertainty import target_radius
+from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 
@@ -26,6 +27,15 @@ HALO = withStroke(linewidth=2.5, foreground="white")
 
 SCALE = 0.5
 """Width for the scale next to the contours, in cells."""
+
+
+def path_pictures(
+    track: Track, scenario: Scenario, field_of_view: tuple[float, float] | None
+) -> Pictures:
+    """`path`, contours along the path, as `.png` and `.svg`; arguments as of `path_figure`."""
+    with style.drawing():
+        figure = path_figure(track, scenario, field_of_view)
+        return Pictures({"path.png": style.png(figure), "path.svg": style.svg(figure)})
 
 
 def path_figure(

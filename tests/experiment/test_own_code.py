@@ -108,7 +108,7 @@ def test_the_code_of_all_modules_that_it_reaches_is_in_the_key(own):
     helper.write_text("OFFSET = 2.0\n")
     after = keys(*words)
     changed = {name for name in before if before[name] != after[name]}
-    assert changed == {"track", "scores", "run_pictures"}
+    assert changed == {"track", "scores", "path_pictures", "error_pictures"}
     assert keys(*words, "tracker.alpha=0.3")["track"] != after["track"]
     assert keys("tracker=point") == keys("tracker=point")
 

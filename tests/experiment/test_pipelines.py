@@ -229,7 +229,7 @@ def test_every_kind_of_measurement_has_dropout_and_clutter_after_its_own_stages(
 def test_the_stages_that_draw_are_marked():
     stages = stages_of("stixels")
     drawing = {name for name in stages if name in PICTURES}
-    assert drawing == {"camera_pictures", "track_pictures", "run_pictures"}
+    assert drawing == {"camera_pictures", "track_pictures", "path_pictures", "error_pictures"}
     for stage in map(stages.get, drawing):
         function = resolve_name(stage.function)
         assert inspect.get_annotations(function)["return"] is Pictures

@@ -9,7 +9,7 @@ from stixel_cli import run
 from stixel_cli.config.compose import compose
 from stixel_cli.experiment.stages import experiment_graph
 
-AFTER_SCANS = {"track", "scores", "track_pictures", "run_pictures"}
+AFTER_SCANS = {"track", "scores", "track_pictures", "path_pictures", "error_pictures"}
 
 
 def changed(*words):

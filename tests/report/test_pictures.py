@@ -21,8 +21,8 @@ from stixel_cli.config.compose import compose
 from stixel_cli.pictures import ground, style
 from stixel_cli.pictures.birds_eye import moving_pictures, track_pictures
 from stixel_cli.pictures.camera import camera_pictures
-from stixel_cli.pictures.over_time import run_pictures
-from stixel_cli.pictures.path_figure import path_figure, spaced_frames
+from stixel_cli.pictures.over_time import error_pictures
+from stixel_cli.pictures.path_figure import path_figure, path_pictures, spaced_frames
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.rendering.images import decode_image
 from stixel_cli.stixels.types import Objects
@@ -178,9 +178,14 @@ def test_several_tracks_and_labels_are_drawn_from_above(run):
     }
 
 
+def run_pictures(scans, track, scenario, field_of_view, scores):
+    path = path_pictures(track, scenario, field_of_view).files
+    return path | error_pictures(scans, track, scenario, scores).files
+
+
 def test_run_pictures_are_png_and_svg_also_of_one_scan_and_a_stopped_target(run):
     scores = make_scores(run["scenario"], run["track"])
-    files = run_pictures(**run, scores=scores).files
+    files = run_pictures(**run, scores=scores)
     assert set(files) == {"path.png", "path.svg", "errors.png", "errors.svg"}
     check_pngs(files)
     for name in ("path.svg", "errors.svg"):
@@ -196,7 +201,7 @@ def test_run_pictures_are_png_and_svg_also_of_one_scan_and_a_stopped_target(run)
         scans = make_scans(scenario, rng)
         track = make_track(scenario, scans, rng)
         scores = make_scores(scenario, track)
-        check_pngs(run_pictures(scans, track, scenario, scores, VIEW).files)
+        check_pngs(run_pictures(scans, track, scenario, VIEW, scores))
 
 
 def test_pictures_have_repeatable_bytes(run, monkeypatch, tmp_path):
@@ -205,7 +210,7 @@ def test_pictures_have_repeatable_bytes(run, monkeypatch, tmp_path):
 
     def draw():
         return (
-            run_pictures(**run, scores=scores).files
+            run_pictures(**run, scores=scores)
             | track_pictures(**run, tracker=TRACKER, frame=4).files
             | camera_pictures(**camera).files
         )

@@ -214,7 +214,7 @@ def test_a_file_and_the_folder_of_a_sweep(sweeps, explained, tmp_path, told):
     # Runs of a sweep draw no pictures by default, so explain requires none.
     assert explained(folder / "runs" / "0001") == []
     stages = {one["stage"] for one in explained(*FEW, "seed=1")}
-    assert stages == {"track_pictures", "run_pictures"}
+    assert stages == {"track_pictures", "path_pictures", "error_pictures"}
     said = told("explain", folder, "--from", file, code=2)
     assert "either a result folder or --from FILE" in said
     assert "no stage reads it" in told("explain", *FEW, "sensor.read_noise=0,1", code=2)
