@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_728
+TOTAL = 44_729
 """Greatest number of lines in all."""
 
 MODULES = 242
@@ -24,7 +24,7 @@ BUDGET = {
     "benchmark": 1001,
     "border": 649,
     "calibration": 559,
-    "cli": 2573,
+    "cli": 2574,
     "config": 2486,
     "engine": 4045,
     "evaluation": 1570,
