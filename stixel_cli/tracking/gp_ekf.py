@@ -112,19 +112,21 @@ def track(
     steps: list[Step] = []
 
     @cache
-    def moved(interval: float) -> tuple[np.ndarray, np.ndarray]:
-        """The pose's process noise, and the transition of all states."""
-        kept = np.exp(-tracker.forgetting_rate * interval) * np.eye(tracker.basis_points)
+    def moved(interval: float) -> tuple[np.ndarray, ...]:
+        """The pose's process noise, the transition of all states, and their stated noise."""
+        kept = np.exp(-tracker.forgetting_rate * interval)
         noise = motion.process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
-        return noise, block_diag(motion.transition(interval), kept)
+        transition = block_diag(motion.transition(interval), kept * np.eye(tracker.basis_points))
+        forgotten = (1.0 - kept**2) * (side.radii_covariance if side else process.covariance)
+        return noise, transition, block_diag(noise, forgotten)
 
     for scan in filtered:
-        interval, (noise, transition) = scan.interval, moved(scan.interval)
+        interval, (noise, transition, stated) = scan.interval, moved(scan.interval)
         mean, covariance = predicted = motion.predict(
             mean, covariance, interval, noise, tracker.forgetting_rate, process
         )
         if side:
-            side.predict(transition[:6, :6], noise, interval)
+            side.predict(transition, stated)
         if tracker.slip is not None:
             mean, covariance, *tie = motion.tied_to_velocity(mean, covariance, tracker.slip)
             if side:

@@ -8,7 +8,7 @@ The gain of `gp_ekf` takes neighbouring points for independent ones, with a nois
 what they share. Its covariance is too large where the errors are small, and too small where they
 are shared. What is stated is that of the same estimate with the errors that are there
 (`consider.py`): the points' own noise, the size of the class, the shape that the sensor sees, in
-which road users differ and limbs swing, and what all scans share.
+which road users differ and limbs swing, and what a target's faces are off at its points' heights.
 """
 
 from dataclasses import replace
@@ -24,7 +24,7 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.background import Background
-from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import MODE_ANGLES, class_shape, outline_modes
 from stixel_cli.tracking.contour.contour_rays import (
     FACES,
@@ -88,11 +88,7 @@ class OneSide(JointCovariance):
         if prior.road_user != "unknown":
             self._know_class(prior, tracker)
             shared = FACES * (scans.heights is not None and self._sight.height_insets is not None)
-        # Radii that are not seen are forgotten at the rate of the process.
-        rate, count = tracker.forgetting_rate, len(self.radii)
-        memories = [1.0 / rate if rate else np.inf, FIELD_TIME, np.inf]
-        covariance = block_diag(initial, self.radii_covariance)
-        super().__init__(covariance, np.repeat(memories, [count, NODES, shared]), count)
+        super().__init__(block_diag(initial, self.radii_covariance), shared)
 
     def _know_class(self, prior: PriorShape, tracker: "GpEkfParameters") -> None:
         """Outline, sizes, shapes and visible shape of the class of the `prior`."""
@@ -227,11 +223,14 @@ class OneSide(JointCovariance):
         own = (self._std_factor * rays.stds * along) ** 2 + variances
         own += self.roughness**2 * squares
         own += (squares - along**2) * rays.across_variances
-        field = (shape_stds * along)[:, None] * field_weights(model.angles)
+        # Neighbours share the error of the visible shape, as far as they share the radius.
+        between = model.directions_target @ model.directions_target.T - 1.0
+        noise = np.exp(between / self._process.length_scale**2, out=between)
+        noise *= np.outer(shape_stds * along, shape_stds * along)
+        noise.flat[:: len(own) + 1] += own
         shared = (gradients[:, None] @ rays.shared)[:, 0]
-        rows, residuals = np.hstack([matrix, field, shared]), model.residuals
-        spread = self.correct(gain, rows, gain * own) @ rows.T
-        spread.flat[:: len(own) + 1] += own
+        rows, residuals = np.hstack([matrix, shared]), model.residuals
+        spread = self.correct(gain, rows, gain @ noise) @ rows.T + noise
         return float(residuals @ np.linalg.solve(spread, residuals))
 
 

@@ -15,7 +15,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import FieldOfView, SharedErrors
 from stixel_cli.tracking.association import uncut
-from stixel_cli.tracking.consider import NODES, JointCovariance
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import predict, start
@@ -31,7 +31,7 @@ from stixel_cli.tracking.contour.contour_update import (
     Measurement,
 )
 from stixel_cli.tracking.contour.forms import forms_of
-from stixel_cli.tracking.contour.residual import Residual
+from stixel_cli.tracking.contour.residual import NODES, Residual
 from stixel_cli.tracking.kalman import correct, normalised_innovation_squared
 from stixel_cli.tracking.track import InitialState
 
@@ -245,7 +245,7 @@ def test_a_point_where_it_is_expected_is_likelier_than_clutter(std):
     prior, sight = class_shape("car"), sight_of("car", TRACKER)
     mean, covariance = np.zeros(7 + NODES), 1e-4 * np.eye(7 + NODES)
     mean[:4] = 0.0, 30.0 + 0.5 * prior.size[0], -np.pi / 2, 5.0
-    joint = JointCovariance(covariance, np.zeros(0))
+    joint = JointCovariance(covariance, 0)
     start, some = Hypothesis((mean, covariance, joint)), (np.arange(6), np.arange(12))
     few, all_of_them = (Measurement(rays, one, sight, TRACKER).update(start) for one in some)
     assert all_of_them.log_likelihood > few.log_likelihood
@@ -298,7 +298,7 @@ def test_what_a_scan_does_to_the_joint_covariance_is_the_dense_update(form):
     rays = replace(rays_of(points, covariances, SENSOR), shared=shared)
     states = 7 + NODES
     root = random.standard_normal((states + 4,) * 2)
-    joint = JointCovariance(np.eye(states), np.full(4, np.inf))
+    joint = JointCovariance(np.eye(states), 4)
     joint.matrix = np.eye(len(root)) + 0.02 * root @ root.T
     mean = np.zeros(states)
     mean[:3] = 3.1, 15.1, 0.38
