@@ -162,7 +162,7 @@ def _updated(
     """Mean and covariance after a scan, the indices (m,) of its points that were used, the NIS."""
     points, variance = scan.points, tracker.measurement_std**2
     if side:
-        rays, shape_stds = side.rays(scan, mean)
+        rays, (insets, shape_stds) = side.rays(scan, mean)
         points = rays.points_world
     indices = _associated(points, mean, covariance, process, tracker)
     if side:
@@ -174,7 +174,7 @@ def _updated(
         mean, covariance, _, nis = update(mean, covariance, model, variance, tangential=True)
         return mean, covariance, indices, nis
     taken = rays.subset(indices)
-    moved = side.between_ends(taken, mean, covariance)
+    moved = side.between_ends(taken, insets[indices], mean, covariance)
     if moved is not None:
         mean, *ends = moved
         side.correct_by_one(*ends)

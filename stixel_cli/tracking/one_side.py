@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 from scipy.linalg import block_diag
 
-from stixel_cli.geometry.kernel import first_hits, returning
+from stixel_cli.geometry.kernel import first_hits
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
@@ -37,6 +37,7 @@ from stixel_cli.tracking.contour.contour_rays import (
 from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, expected
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise
+from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Scan
 from stixel_cli.tracking.prior import PriorShape, prior_radii
@@ -126,22 +127,24 @@ class OneSide(JointCovariance):
     def rays(self, scan: Scan, mean: np.ndarray) -> tuple[Rays, np.ndarray]:
         """The rays of the points of a scan, moved to where they would be if the outline were seen.
 
-        `mean` (6 + N,) is the target's state. Points of an unknown class stay. Also the standard
-        deviations (n,) m of these moves.
+        `mean` (6 + N,) is the target's state. Points of an unknown class stay. Also (2, n) m: how
+        far inside the outline's ends those of the visible shape are, and the standard deviations of
+        the moves.
         """
         seen, sensor = (scan.points, scan.covariances), scan.sensor
         rays = rays_of(*seen, sensor, self._field_of_view, scan.heights)
         spread = np.sqrt(max(np.trace(self.matrix[:2, :2]), 0.0))
         others = self._background.others(rays, mean[:2], mean[6:].max(), spread)
         if self._sight is None or not len(scan.points):
-            return replace(rays, others=others), np.zeros(len(scan.points))
+            return replace(rays, others=others), np.zeros((2, len(scan.points)))
         state = np.concatenate([mean[:3], self._factors])
         rays = at_heights(rays, state, self._sight.table, self._sight.height_insets)
         visible, outline = (
             expected(state, sensor, rays.directions, table.arrays) for table in self._tables
         )
         missed = visible[0] - outline[0] + self._sight.bias_per_std * rays.stds
-        return replace(rays, others=others, ranges=rays.ranges - missed), visible[2]
+        insets = np.stack([visible[1] - outline[1], visible[2]])
+        return replace(rays, others=others, ranges=rays.ranges - missed), insets
 
     def target(
         self, rays: Rays, candidates: np.ndarray, mean: np.ndarray, covariance: np.ndarray
@@ -159,8 +162,8 @@ class OneSide(JointCovariance):
         model = linearise(rays.points_world[candidates], mean, self._process)
         weights = 1.0 / (1.0 + (model.residuals / REACH) ** 2)
         main = labels == np.bincount(labels, weights).argmax()
-        found = placed(model.pose_matrix[main], model.residuals[main], covariance)
-        step, posterior = found[0], found[1:]
+        of_main = model.pose_matrix[main], model.residuals[main]
+        step, posterior = placed(*of_main, covariance[:3, :3])
         residuals = model.residuals - model.pose_matrix @ step
         variances = ((model.pose_matrix @ posterior) * model.pose_matrix).sum(axis=1)
         reach = np.where(main, REACH + np.sqrt(np.maximum(variances, 0.0)), REACH_BESIDE)
@@ -188,14 +191,15 @@ class OneSide(JointCovariance):
         return replace(model, residuals=model.residuals - (model.gradients * moved).sum(axis=1))
 
     def between_ends(
-        self, rays: Rays, mean: np.ndarray, covariance: np.ndarray
+        self, rays: Rays, insets: np.ndarray, mean: np.ndarray, covariance: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float] | None:
         """The `mean` (6 + N,), moved across the rays so that its ends are those of the points.
 
-        With the gain (6 + N,), the derivative (6 + N,) of the mean of the ends by the states, and
-        its variance, m². Ranges hardly measure the place across the rays, and the slope of a narrow
-        target's radius holds for a few degrees only. An end at the border of the field of view, or
-        beside a nearer object, is not used; None: neither is.
+        Or as far outside of them as the `insets` (n,) m of the visible shape. With the gain
+        (6 + N,), the derivative (6 + N,) of the mean of the ends by the states, and its variance,
+        m². Ranges hardly measure the place across the rays, and the slope of a narrow target's
+        radius holds for a few degrees only. An end at the border of the field of view, or beside a
+        nearer object, is not used; None: neither is.
         """
         ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
         seen = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
@@ -204,6 +208,7 @@ class OneSide(JointCovariance):
             return None
         row, basis = np.zeros(len(mean)), self._process.basis_directions
         offset = apart(row, mean, basis, rays.sensor, rays.directions, ends, seen)
+        offset += np.array([-1.0, 1.0]) @ (seen * insets[ends]) / seen.sum()
         # As if only the place were wrong: the ends do not tell a turn from a shift.
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + self._end_std**2)
@@ -234,32 +239,20 @@ class OneSide(JointCovariance):
         return float(residuals @ np.linalg.solve(spread, residuals))
 
 
-@returning(lambda *_: (np.zeros((4, 3)), np.empty((2, 3))))
-@njit(cache=True)
-def placed(found, work, slopes, residuals, covariance):
-    """How far a robust fit of `residuals` (n,) m moves a pose, and its covariance: (1 + 3, 3).
+def placed(
+    slopes: np.ndarray, residuals: np.ndarray, covariance: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far a robust fit of `residuals` (n,) m moves a pose, and its covariance (3, 3) then.
 
-    `slopes` (n, 3) are the derivatives by the pose, `covariance` (3 or more, …) is that before. The
-    fit is made twice, with the noise of a Cauchy distribution at the last residuals.
+    `slopes` (n, 3) are the derivatives by the pose, `covariance` (3, 3) is that before. The fit is
+    made twice, with the noise of a Cauchy distribution at the last residuals.
     """
-    step, posterior, mean, spread = found[0], found[1:], work[0], work[1]
+    step, left = np.zeros(3), residuals
     for _ in range(2):
-        posterior[:], mean[:] = covariance[:3, :3], 0.0
-        for i in range(len(residuals)):
-            left, innovation, variance = residuals[i], residuals[i], 0.0
-            for j in range(3):
-                left -= slopes[i, j] * step[j]
-                innovation -= slopes[i, j] * mean[j]
-                spread[j] = 0.0
-                for k in range(3):
-                    spread[j] += posterior[j, k] * slopes[i, k]
-                variance += slopes[i, j] * spread[j]
-            variance += PLACING_STD**2 * (1.0 + (left / REACH) ** 2)
-            for j in range(3):
-                mean[j] += spread[j] / variance * innovation
-                for k in range(3):
-                    posterior[j, k] -= spread[j] / variance * spread[k]
-        step[:] = mean
+        variances = PLACING_STD**2 * (1.0 + (left / REACH) ** 2)
+        step, posterior, _ = correct(covariance, slopes, variances, residuals)
+        left = residuals - slopes @ step
+    return step, posterior
 
 
 @njit(cache=True, error_model="numpy")
