@@ -49,9 +49,6 @@ REACH, REACH_BESIDE = 0.5, 0.3
 """A point this near the contour, m, is the target's: of the segment of neighbouring rays on which
 the contour was placed, and of other segments. Inside the contour it may be twice as far."""
 
-PLACING_STD = 0.1
-"""Of a point, m, to place the contour on a segment; the scale of its heavy tail is `REACH`."""
-
 END_SHARE = 0.17
 """Of the prior's width: standard deviation of the places of the first and the last point at the
 ends of the outline."""
@@ -83,6 +80,7 @@ class OneSide(JointCovariance):
         """From the covariance (6, 6) `initial` of the start."""
         self._process, self._field_of_view, shared = process, scans.field_of_view, 0
         self._background, self._sight = Background(), None
+        self._variance = tracker.measurement_std**2
         self.radii = prior_radii(prior, process.basis_angles)
         self.radii_covariance, self.shape_covariance = process.covariance, 0.0 * process.covariance
         self._std_factor, self.roughness, self._end_std = 1.0, 0.0, END_SHARE * prior.width
@@ -163,7 +161,7 @@ class OneSide(JointCovariance):
         weights = 1.0 / (1.0 + (model.residuals / REACH) ** 2)
         main = labels == np.bincount(labels, weights).argmax()
         of_main = model.pose_matrix[main], model.residuals[main]
-        step, posterior = placed(*of_main, covariance[:3, :3])
+        step, posterior = placed(*of_main, covariance[:3, :3], self._variance)
         residuals = model.residuals - model.pose_matrix @ step
         variances = ((model.pose_matrix @ posterior) * model.pose_matrix).sum(axis=1)
         reach = np.where(main, REACH + np.sqrt(np.maximum(variances, 0.0)), REACH_BESIDE)
@@ -240,16 +238,17 @@ class OneSide(JointCovariance):
 
 
 def placed(
-    slopes: np.ndarray, residuals: np.ndarray, covariance: np.ndarray
+    slopes: np.ndarray, residuals: np.ndarray, covariance: np.ndarray, variance: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far a robust fit of `residuals` (n,) m moves a pose, and its covariance (3, 3) then.
 
     `slopes` (n, 3) are the derivatives by the pose, `covariance` (3, 3) is that before. The fit is
-    made twice, with the noise of a Cauchy distribution at the last residuals.
+    made twice, with the noise of a Cauchy distribution at the last residuals: `variance`, m², at
+    zero, and a tail of the scale `REACH`.
     """
     step, left = np.zeros(3), residuals
     for _ in range(2):
-        variances = PLACING_STD**2 * (1.0 + (left / REACH) ** 2)
+        variances = variance * (1.0 + (left / REACH) ** 2)
         step, posterior, _ = correct(covariance, slopes, variances, residuals)
         left = residuals - slopes @ step
     return step, posterior
