@@ -54,7 +54,8 @@ LEAST_DEGREES = 6.0
 """An inverse Wishart density of matrices (2, 2) has a mean with more degrees of freedom."""
 
 EXTENT_WEIGHT = 10.0
-"""Points, or degrees of freedom above the least, as which the class's size counts: `vbrm`'s own."""
+"""Points, or degrees of freedom above the least, as which the class's size counts: the default of
+PyRecEst's `vbrm`."""
 
 
 def track(
