@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_648
+TOTAL = 44_646
 """Greatest number of lines in all."""
 
 MODULES = 240
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6023,
+    "tracking": 6021,
     "validation": 1283,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

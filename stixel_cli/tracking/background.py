@@ -8,14 +8,12 @@ seen does not grow into its neighbours.
 
 import numpy as np
 
+from stixel_cli.tracking.association import gate
 from stixel_cli.tracking.contour.contour_rays import Rays, segments
 
 APART = 0.5
 """m. An object is another one if it is farther by this than any point of the target may be. A place
 is remembered once in each square of this side, and a point is there if it is no farther away."""
-
-GATE = 3.0
-"""Standard deviations of the place by which the target's points may be off."""
 
 _NUMBER = np.array([2.0**26, 1.0])
 """Times the two whole numbers of a square is one number, in lexicographic order."""
@@ -36,7 +34,7 @@ class Background:
         The target is at `place` (2,) m with a standard deviation of `spread` m, and reaches `half`
         m from there.
         """
-        points, reach = rays.points_world, half + GATE * spread
+        points, reach = rays.points_world, half + np.sqrt(gate()) * spread
         distances = np.hypot(*(points - place).T)
         if (distances > reach + APART).any():
             self._learn(points, distances, segments(rays), reach + APART)
