@@ -12,22 +12,22 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_717
+TOTAL = 44_616
 """Greatest number of lines in all."""
 
-MODULES = 242
+MODULES = 240
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
     "": 711,
     "answers": 1356,
-    "benchmark": 1001,
+    "benchmark": 1000,
     "border": 655,
     "calibration": 559,
     "cli": 2576,
     "config": 2486,
     "engine": 4065,
-    "evaluation": 1570,
+    "evaluation": 1568,
     "experiment": 1225,
     "export": 695,
     "geometry": 410,
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6089,
+    "tracking": 5991,
     "validation": 1283,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

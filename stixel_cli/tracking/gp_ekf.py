@@ -186,8 +186,8 @@ def _updated(
 
 def contours_of(
     means: np.ndarray, covariances: np.ndarray, process: ContourProcess, points: int = 120
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Contours (K, M, 2) m, directions (K, M, 2) and std (K, M) m of K states; see `Track`.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Contours (K, M, 2) m and std (K, M) m of K states; see `Track`.
 
     At M = `points` even angles: r = m + H^f (x^f - m), m the mean radius of the process. A radius
     below zero, which the model does not rule out, is drawn as zero, so every contour is
@@ -208,7 +208,7 @@ def contours_of(
     for k, covariance in enumerate(covariances):
         rows[:, :3] = by_pose[k]
         spread[k] = np.einsum("ij,ij->i", rows @ covariance, rows)
-    return contours, directions, np.sqrt(np.maximum(spread, 0.0) + variances)
+    return contours, np.sqrt(np.maximum(spread, 0.0) + variances)
 
 
 def _associated(

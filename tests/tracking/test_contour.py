@@ -161,14 +161,15 @@ def test_stated_deviation_of_the_contour_is_that_of_random_states(name):
     mean = np.append([3.0, 9.0, 0.7, 2.0, 0.0, 0.05, -0.05], np.zeros(NODES))
     root = np.diag([0.02, 0.015, 0.03, 0.0, 0.0, 0.02, 0.02] + [0.03] * NODES)
     residual = Residual(shape)
-    _, directions, std = contours_of(mean[None], (root @ root)[None], shape, 90, residual)
+    places, std = contours_of(mean[None], (root @ root)[None], shape, 90, residual)
+    rays = places[0] - mean[:2]
     random = np.random.default_rng(1)
     radii = []
     for state in mean + random.standard_normal((400, 7 + NODES)) @ root:
-        contours, _, _ = contours_of(state[None], (root @ root)[None], shape, 360, residual)
+        contours, _ = contours_of(state[None], (root @ root)[None], shape, 360, residual)
         contour = contours[0] - mean[:2]
         bearing = np.arctan2(contour[:, 1], contour[:, 0])
-        wanted = np.arctan2(directions[0, :, 1], directions[0, :, 0])
+        wanted = np.arctan2(rays[:, 1], rays[:, 0])
         radii.append(np.interp(wanted, bearing, np.hypot(*contour.T), period=2.0 * np.pi))
     ratio = np.std(radii, axis=0) / np.sqrt(std[0] ** 2 - OUTLINE_STD**2)
     assert 0.9 < np.median(ratio) < 1.1
