@@ -12,21 +12,21 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_616
+TOTAL = 44_601
 """Greatest number of lines in all."""
 
 MODULES = 240
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 711,
+    "": 725,
     "answers": 1356,
     "benchmark": 1000,
-    "border": 655,
+    "border": 649,
     "calibration": 559,
-    "cli": 2576,
+    "cli": 2573,
     "config": 2486,
-    "engine": 4065,
+    "engine": 4045,
     "evaluation": 1568,
     "experiment": 1225,
     "export": 695,

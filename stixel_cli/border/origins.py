@@ -16,7 +16,7 @@ from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path, PurePosixPath
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.errors import ConfigurationError, UserError, printable, printable_path
 
@@ -92,14 +92,8 @@ def imported_file(file: Path, name: str, origin: Origin) -> ModuleType:
     return module
 
 
-def unpickled(file: Path | BinaryIO, mmap_mode: str | None = None) -> Any:
-    """The object in a file of the cache, which was admitted, or a stream; large arrays as maps."""
-    # Its import takes as long as a few hundred loads; most commands load nothing.
-    return import_module("joblib").load(file, mmap_mode=mmap_mode)
-
-
-def unpickled_bytes(content: bytes) -> Any:
-    """The object in bytes that this process, its scheduler or its worker has pickled."""
+def unpickled(content: bytes) -> Any:
+    """The object in bytes of the cache, which was admitted, or of this program's own process."""
     import pickle
 
     return pickle.loads(content)

@@ -1,6 +1,5 @@
 """The command `stixel`. Its commands are in the other files; heavy imports wait in their bodies."""
 
-import atexit
 import gc
 import os
 import signal
@@ -73,8 +72,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Imports make objects that stay: to search them for garbage after every 700 new ones, as is
         # the default, takes a twentieth of a warm run.
         gc.set_threshold(500_000)
-        # A process that ends need not search its objects for garbage: 0.25 s of a warm run.
-        atexit.register(gc.freeze)
     with escaping():
         return guarded(lambda: _run(given or ["--help"]))
 

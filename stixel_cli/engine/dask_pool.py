@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from stixel_cli.border.origins import connected, unpickled_bytes
+from stixel_cli.border.origins import connected, unpickled
 from stixel_cli.engine.errors import ExecutorError, WorkerDied
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
 from stixel_cli.engine.pools import Pool, settle
@@ -131,7 +131,7 @@ class DaskPool(Pool):
         key, outcome = event[1]
         future = self._open.pop(key, None)
         if future is not None and future.set_running_or_notify_cancel():
-            settle(future, unpickled_bytes, (outcome,))
+            settle(future, unpickled, (outcome,))
 
     def died(self, error: BaseException | None) -> bool:
         """Whether the worker crashed."""
@@ -151,7 +151,7 @@ def _run(call: bytes) -> None:
 
     To fetch the result of a task takes two more round trips. The scheduler does not decode bytes.
     """
-    function, arguments = unpickled_bytes(call)
+    function, arguments = unpickled(call)
     outcome = pickle.dumps(function(*arguments))
     worker = _distributed().get_worker()
     worker.log_event(PROGRAM, (worker.get_current_task(), outcome))

@@ -13,7 +13,7 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from stixel_cli.border.origins import unpickled_bytes
+from stixel_cli.border.origins import unpickled
 from stixel_cli.engine import errors
 from stixel_cli.engine.cache_folder import Lease, new_name
 from stixel_cli.engine.entries import keep_limit
@@ -138,7 +138,7 @@ def _own_part(error: Exception) -> str:
 def _portable(error: Exception) -> Exception:
     """The error, or its text if it cannot be pickled."""
     with suppress(Exception):
-        if str(unpickled_bytes(pickle.dumps(error))) == str(error):
+        if str(unpickled(pickle.dumps(error))) == str(error):
             return error
     return RuntimeError(f"{type(error).__name__}: {error}")
 

@@ -5,28 +5,25 @@ nothing, also after a process was killed. Nothing is flushed to disk by force: a
 digest reveals an incomplete entry. The notes have the digest of the value, and one of their own.
 """
 
-import io
 import json
 import os
+import pickle
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border.files import GREATEST_TEXT, content_digest, file_state, read_bytes
+from stixel_cli.border.files import GREATEST_TEXT, file_state, read_bytes
 from stixel_cli.border.origins import unpickled
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.errors import CacheError, MissingEntry, writing
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
 from stixel_cli.errors import UserError
 
-VALUE = "value.joblib"
+VALUE = "value.pickle"
 META = "meta.json"
-
-MAPPED = 32 * 2**20
-"""Bytes of a value from which on its arrays are memory maps when it is loaded."""
 
 
 def open_store(parameters: CacheParameters) -> "Store":
@@ -65,7 +62,6 @@ class Store:
     def load(self, key: str) -> Any:
         """Read the value of an entry, as a new object each time.
 
-        Large arrays are memory maps; what is written into them never reaches the entry.
         MissingEntry if there is no entry, or a damaged one, which is removed; CacheError if it
         cannot be read.
         """
@@ -73,12 +69,7 @@ class Store:
         with suppress(OSError):
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
-        if content is not None:
-            return unpickled(io.BytesIO(content))
-        try:
-            return unpickled(self.entry(key) / VALUE, mmap_mode="c")
-        except FileNotFoundError:
-            raise MissingEntry(key, "not found") from None
+        return unpickled(content)
 
     def meta(self, key: str) -> dict[str, Any]:
         """Read the notes of an entry: stage, label, seconds, size, digest, ….
@@ -103,21 +94,19 @@ class Store:
 
         CacheError if it cannot be written. Nothing of it remains.
         """
-        import joblib
-
         partial = self.folder / "tmp" / f"{key[:16]}-{cache_folder.new_name()}"
         with writing(self.folder), ExitStack() as end:
             # It is in its place by then, or of no use.
             end.callback(shutil.rmtree, partial, ignore_errors=True)
             cache_folder.make_folder(self.folder, "tmp")
             partial.mkdir()
-            joblib.dump(value, partial / VALUE)
-            size = (partial / VALUE).stat().st_size
-            digest = content_digest(partial / VALUE, size)
-            meta = {**notes, "key": key, "size": size, "digest": digest}
+            content = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
+            (partial / VALUE).write_bytes(content)
+            digest = sha256(content).hexdigest()
+            meta = {**notes, "key": key, "size": len(content), "digest": digest}
             (partial / META).write_bytes(_notes_content(meta))
             self._put_in_place(partial, self.entry(key))
-        return size
+        return len(content)
 
     @contextmanager
     def lock(self, key: str) -> Iterator[None]:
@@ -163,30 +152,23 @@ class Store:
         shutil.rmtree(gone, ignore_errors=True)
         return True
 
-    def checked(self, key: str) -> bytes | None:
-        """The bytes of a value, None for one to be mapped, with checks and errors as of `load`.
+    def checked(self, key: str) -> bytes:
+        """The bytes of a value, with checks and errors as of `load`.
 
         The digest of a file that has not changed since is not computed again.
         """
         meta, state = self.meta(key), file_state(self.entry(key) / VALUE)
-        size, known = meta.get("size", 0), self._checked.get(key, ()) == state
-        content, found = None, meta.get("digest")
-        if size < MAPPED:
-            content = self._read(key, VALUE, size)
-            found = found if known else sha256(content).hexdigest()
-        elif not known:
-            found = self._read(key, VALUE, size, content_digest)
-        if found != meta.get("digest"):
+        content = self._read(key, VALUE, meta.get("size", 0))
+        unchanged = self._checked.get(key, ()) == state
+        if not unchanged and sha256(content).hexdigest() != meta.get("digest"):
             raise self._damaged(key, "its content has changed")
         self._checked[key] = state
         return content
 
-    def _read(
-        self, key: str, name: str, greatest: int = GREATEST_TEXT, read: Callable = read_bytes
-    ) -> Any:
+    def _read(self, key: str, name: str, greatest: int = GREATEST_TEXT) -> bytes:
         file = self.entry(key) / name
         try:
-            return read(file, greatest)
+            return read_bytes(file, greatest)
         except UserError as error:
             if isinstance(error.__cause__, OSError) and file.is_file():
                 reason = error.__cause__.strerror or error.__cause__
@@ -220,7 +202,7 @@ class Store:
                 self.remove(entry.name)
 
 
-_OWN_DIGEST = b'{\n "notes_digest": "'
+_OWN_DIGEST = b'{\n "digest_of_notes": "'
 _OWN_DIGEST_END = b'",'
 
 

@@ -29,20 +29,6 @@ def test_each_load_is_a_new_object_that_may_be_written(store):
     assert store.load(KEY)[0] == 0.0
 
 
-def test_large_arrays_are_memory_maps_that_may_be_written(store, monkeypatch):
-    value = {"large": np.arange(3.0), "text": b"bytes"}
-    store.save(KEY, value)
-    monkeypatch.setattr("stixel_cli.engine.store.MAPPED", 0)
-    found = store.load(KEY)
-    assert isinstance(found["large"], np.memmap) and found["text"] == b"bytes"
-    found["large"][:] = -1.0
-    found["large"].flush()
-    np.testing.assert_array_equal(store.load(KEY)["large"], value["large"])
-    (store.entry(KEY) / VALUE).write_bytes(b"x" * store.meta(KEY)["size"])
-    with pytest.raises(MissingEntry, match="its content has changed"):
-        store.load(KEY)
-
-
 def test_load_returns_the_stored_value_and_nothing_is_made_before(store):
     assert not store.has(KEY) and not store.verify(KEY)
     with pytest.raises(MissingEntry, match="not found"):
@@ -81,7 +67,7 @@ def change_notes(entry, **notes):
 def old_notes(entry):
     """Notes as they were stored before they had a digest of their own."""
     found = json.loads((entry / META).read_text())
-    del found["notes_digest"]
+    del found["digest_of_notes"]
     return json.dumps(found, indent=1)
 
 
@@ -92,7 +78,7 @@ def old_notes(entry):
         (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "changed"),
         (lambda entry: (entry / VALUE).write_bytes(b""), "changed"),
         (lambda entry: os.truncate(entry / VALUE, 64 * 2**30), "too large"),  # a sparse file
-        (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
+        (lambda entry: (entry / VALUE).unlink(), "value.pickle is missing"),
         (lambda entry: put(Path.mkdir, entry / VALUE), "directory"),
         (lambda entry: put(Path.mkdir, entry / META), "directory"),
         # To open a FIFO would block until a process writes to it.
