@@ -68,8 +68,6 @@ def perfect_track(scenario: Any, scans: Any, offset: np.ndarray, scale: np.ndarr
         np.stack([world_from_target(one, pose) for one, pose in zip(points, poses, strict=True)])
         for points in (moved, centres)
     )
-    rays = contours - places
-    directions = rays / np.linalg.norm(rays, axis=2, keepdims=True)
     count = len(poses)
     means = np.concatenate([places[:, 0], poses[:, 2:], scenario.target_rates_world], axis=1)
     return Track(
@@ -77,7 +75,6 @@ def perfect_track(scenario: Any, scans: Any, offset: np.ndarray, scale: np.ndarr
         means=means,
         covariances=np.tile(0.01 * np.eye(6), (count, 1, 1)),
         contours_world=contours,
-        contour_directions=directions,
         contour_std=np.full(contours.shape[:2], 0.1),
         used_offsets=scans.offsets,
         used_points=np.arange(scans.offsets[-1]),

@@ -250,11 +250,11 @@ class Size:
 
 def still(scans, initial, prior, tracker: Size):
     count = len(scans)
-    directions = np.tile(corners(1.0), (count, 1, 1))
+    contours = np.tile(initial.mean[:2] + corners(tracker.size), (count, 1, 1))
     return Track.of_scans(
         scans.times,
         (np.tile(initial.mean, (count, 1)), np.tile(np.eye(6), (count, 1, 1))),
-        (initial.mean[:2] + tracker.size * directions, directions, np.ones((count, 4))),
+        (contours, np.ones((count, 4))),
         [np.zeros(0, int)] * count,
         np.full(count, np.nan),
     )

@@ -64,7 +64,7 @@ ALLOWED = {
     ("rendering/filament.py", "savez"): "a temporary folder",
     ("rendering/filament_process.py", "savez"): "a temporary folder",
     ("rendering/filament_process.py", "touch"): "a temporary folder",
-    ("tracking/track_each.py", "resolve_name"): "the tracker of a planned stage",
+    ("tracking/several.py", "resolve_name"): "the tracker of a planned stage",
     ("scene/open3d_import.py", "exec_module"): "a part of Open3D, by its place",
 }
 

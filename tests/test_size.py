@@ -12,22 +12,22 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_729
+TOTAL = 44_594
 """Greatest number of lines in all."""
 
-MODULES = 242
+MODULES = 240
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
     "": 725,
     "answers": 1356,
-    "benchmark": 1001,
+    "benchmark": 1000,
     "border": 649,
     "calibration": 559,
     "cli": 2574,
     "config": 2486,
     "engine": 4045,
-    "evaluation": 1570,
+    "evaluation": 1568,
     "experiment": 1226,
     "export": 695,
     "geometry": 410,
@@ -39,13 +39,13 @@ BUDGET = {
     "rendering": 2154,
     "report": 735,
     "results": 1347,
-    "scene": 3147,
+    "scene": 3155,
     "stereo": 451,
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 6119,
-    "validation": 1283,
+    "tracking": 5969,
+    "validation": 1293,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

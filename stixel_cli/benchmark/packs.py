@@ -29,7 +29,7 @@ from stixel_cli.parameters import parameters
 from stixel_cli.pictures.uncertainty import normalised_chi_square_bounds
 from stixel_cli.results.folder import json_text
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.track import Track, contour_directions, directions_of
+from stixel_cli.tracking.track import Track, contour_directions
 
 TRACKER, MANIFEST = "tracker.json", "manifest.json"
 OPTIONAL = "contour_std"
@@ -357,8 +357,7 @@ def _track(arrays: Mapping[str, np.ndarray], scans: Scans) -> Track:
     states = np.column_stack([means, np.zeros((count, 3))]), covariances
     # Which points it used is not known, either.
     every = [np.arange(*scans.offsets[k : k + 2]) for k in range(count)]
-    shapes = contours, directions_of(contours, means), std
-    return Track.of_scans(scans.times, states, shapes, every, np.full(count, np.nan))
+    return Track.of_scans(scans.times, states, (contours, std), every, np.full(count, np.nan))
 
 
 def write_row(row: Mapping[str, Any], folder: Path) -> Path:

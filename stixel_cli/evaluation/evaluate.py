@@ -25,10 +25,8 @@ from stixel_cli.evaluation.scores import LOW_OVERLAP, ScanErrors, Scores
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.motion import LEAST_SPEED
 from stixel_cli.tracking.track import OTHER, REPORTED, Track, check_finite
-
-LEAST_SPEED = 0.5
-"""A target that is not faster than this, m/s, stands: its heading may be reported either way."""
 
 
 def validate(track: Track, scenario: Scenario, scans: Scans) -> None:

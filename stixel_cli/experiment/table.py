@@ -152,7 +152,7 @@ TABLE: dict[str, Definition] = {
         chosen_by="tracker",
         files=(*FILES_OF_PRIOR, "tracker.path"),
     ),
-    "track_each": stage("tracking.track_each:track_each", calls="track"),
+    "track_each": stage("tracking.several:track_each", calls="track"),
     "label_truths": stage(
         "recordings.truth:label_truths", "rig recording.tables", recorded="label_files"
     ),

@@ -8,14 +8,8 @@ seen does not grow into its neighbours.
 
 import numpy as np
 
-from stixel_cli.tracking.contour.contour_rays import Rays, segments
-
-APART = 0.5
-"""m. An object is another one if it is farther by this than any point of the target may be. A place
-is remembered once in each square of this side, and a point is there if it is no farther away."""
-
-GATE = 3.0
-"""Standard deviations of the place by which the target's points may be off."""
+from stixel_cli.tracking.association import gate
+from stixel_cli.tracking.contour.contour_rays import GAP, Rays, segments
 
 _NUMBER = np.array([2.0**26, 1.0])
 """Times the two whole numbers of a square is one number, in lexicographic order."""
@@ -25,7 +19,11 @@ _AROUND = (np.indices((3, 3)).reshape(2, -1).T - 1) @ _NUMBER
 
 
 class Background:
-    """Places in the world, m, where points were that cannot have been the target's."""
+    """Places in the world, m, where points were that cannot have been the target's.
+
+    An object is another one if it is farther by `GAP` than any point of the target may be. A place
+    is remembered once in each square of this side, and a point is there if it is no farther away.
+    """
 
     def __init__(self) -> None:
         self._places, self._squares = np.zeros((0, 2)), np.zeros(0)
@@ -36,15 +34,15 @@ class Background:
         The target is at `place` (2,) m with a standard deviation of `spread` m, and reaches `half`
         m from there.
         """
-        points, reach = rays.points_world, half + GATE * spread
+        points, reach = rays.points_world, half + np.sqrt(gate()) * spread
         distances = np.hypot(*(points - place).T)
-        if (distances > reach + APART).any():
-            self._learn(points, distances, segments(rays), reach + APART)
+        if (distances > reach + GAP).any():
+            self._learn(points, distances, segments(rays), reach + GAP)
         if not len(self._places) or not len(points):
             return np.zeros(len(points), bool)
-        squares = (np.round(points / APART) @ _NUMBER)[:, None] + _AROUND
+        squares = (np.round(points / GAP) @ _NUMBER)[:, None] + _AROUND
         rows = np.searchsorted(self._squares, squares).clip(max=len(self._squares) - 1)
-        return (np.linalg.norm(points[:, None] - self._places[rows], axis=2) < APART).any(axis=1)
+        return (np.linalg.norm(points[:, None] - self._places[rows], axis=2) < GAP).any(axis=1)
 
     def _learn(
         self, points_world: np.ndarray, distances: np.ndarray, labels: np.ndarray, reach: float
@@ -53,5 +51,5 @@ class Background:
         nearest = np.full(labels.max() + 1, np.inf)
         np.minimum.at(nearest, labels, distances)
         places = np.concatenate([self._places, points_world[nearest[labels] > reach]])
-        self._squares, first = np.unique(np.round(places / APART) @ _NUMBER, return_index=True)
+        self._squares, first = np.unique(np.round(places / GAP) @ _NUMBER, return_index=True)
         self._places = places[first]

@@ -8,21 +8,13 @@ V = A J Aᵀ + R, the joint covariance J of (e, q) becomes
 
 Joseph's form: true for any K, so for a gain that was computed from another covariance, too. With
 K = (J Aᵀ)ₑ V⁻¹ it is the filter of Schmidt 1966, *Application of state-space methods to navigation
-problems*. The considered errors are not corrected; each is forgotten in its own time.
+problems*. The considered errors stay, and are not corrected.
 """
 
 from copy import copy
 
 import numpy as np
 from numba import njit
-
-from stixel_cli.geometry.kernel import returning
-
-NODES = 16
-"""Nodes over the outline of what neighbouring points share of a shape's error: 1 m of a car."""
-
-FIELD_TIME = 0.5
-"""Time in which that error is forgotten, s: the aspect changes, limbs swing."""
 
 
 class JointCovariance:
@@ -33,17 +25,11 @@ class JointCovariance:
         size: d.
     """
 
-    def __init__(self, covariance: np.ndarray, memories: np.ndarray, fading: int = 0):
-        """From the covariance (d, d) of the states, and the `memories` (fading + m,), s.
-
-        They are those of so many last states that are `fading`, and of the considered errors. An
-        error is correlated with itself by e⁻¹ after its memory; with an infinite one it stays.
-        """
+    def __init__(self, covariance: np.ndarray, considered: int):
+        """From the covariance (d, d) of the states, and the number m of considered errors."""
         self.size = len(covariance)
-        self.matrix = np.eye(self.size + len(memories) - fading)
+        self.matrix = np.eye(self.size + considered)
         self.matrix[: self.size, : self.size] = covariance
-        lasting = np.full(len(self.matrix) - len(memories), np.inf)
-        self._memories, self._initial = np.append(lasting, memories), self.matrix.copy()
 
     def copy(self) -> "JointCovariance":
         """Another one, which changes alone."""
@@ -51,15 +37,12 @@ class JointCovariance:
         other.matrix = self.matrix.copy()
         return other
 
-    def predict(self, transition: np.ndarray, noise: np.ndarray, interval: float) -> None:
-        """One `interval` in s later, by `transition` and `noise` of the states that do not fade."""
-        states = slice(0, len(transition))
+    def predict(self, transition: np.ndarray, noise: np.ndarray) -> None:
+        """Later, by the `transition` (d, d) of the states and its `noise` (d, d)."""
+        states = slice(0, self.size)
         self.matrix[states] = transition @ self.matrix[states]
         self.matrix[:, states] = self.matrix[:, states] @ transition.T
         self.matrix[states, states] += noise
-        kept = np.exp(-interval / self._memories)
-        kept = kept[:, None] * kept
-        self.matrix = kept * self.matrix + (1.0 - kept) * self._initial
 
     def correct(self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """After an update by `gain` K (d, n) with `rows` A (n, d + m); the `noise` (d, n) is K R.
@@ -98,20 +81,3 @@ def _correct_by_one(matrix, spread, gain, row, variance):
     for i in range(len(gain)):
         for j in range(i + 1, len(matrix)):
             matrix[j, i] = matrix[i, j]
-
-
-@returning(lambda angles: np.zeros((len(angles), NODES)))
-@njit(cache=True)
-def node_weights(weights, angles):
-    """Weights (n, 16) of nodes that are even over a turn, at `angles` (n,) rad: linear between."""
-    for i in range(len(angles)):
-        position = angles[i] * (NODES / (2.0 * np.pi))
-        node = int(np.floor(position))
-        weights[i, node % NODES] = 1.0 - (position - node)
-        weights[i, (node + 1) % NODES] = position - node
-
-
-def field_weights(angles: np.ndarray) -> np.ndarray:
-    """`node_weights` (n, 16) of unit norm, as the field's nodes have unit variance."""
-    weights = node_weights(angles)
-    return weights / np.sqrt(np.einsum("ij,ij->i", weights, weights))[:, None]

@@ -1,4 +1,11 @@
-"""A track from a file: that of a tracker in any other program, see `track_file.py`."""
+"""A track from a file: a table, a trajectory in TUM's format, or results of KITTI tracking.
+
+A table (`.csv`, `.npz`) like a run's `track.csv` has the columns x, y (m), heading (rad), and k or
+t (s). It may have x_rate, y_rate, heading_rate (m/s, rad/s); std_x … std_heading_rate, or var_xx,
+var_xy, var_yy (m²); length and width (m); and radius_0, radius_1, … (m): the contour at even angles
+over one turn, counter-clockwise from the heading. In a text file, rows of 8 numbers are a
+trajectory in TUM's format, all others results of KITTI's tracking benchmark.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,23 +15,34 @@ import numpy as np
 from annotated_types import Ge
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle, rotations
+from stixel_cli.geometry.pose import STATE, STRAIGHT_AHEAD, rectangle, rotations
 from stixel_cli.measurements import tables
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
+from stixel_cli.recordings.kitti_tables import numbers, read_labels, text_rows
+from stixel_cli.recordings.times import unit_rotations
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import (
     InitialState,
     Track,
     contour_directions,
-    directions_of,
     shift_variances,
 )
-from stixel_cli.tracking.track_file import POSE, RADII, RATES, SIZE, STDS, VARIANCES, read_track
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+POSE, RATES = [*STATE[:3]], [*STATE[3:]]
+STDS = [f"std_{name}" for name in STATE]
+VARIANCES, SIZE = ["var_xx", "var_xy", "var_yy"], ["length", "width"]
+RADII = [f"radius_{number}" for number in range(720)]
+
+TABLES, TUM = (".csv", ".npz"), ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+"""Suffixes of tables; columns of a trajectory."""
+
+UPRIGHT = 0.8
+"""Cosine between the z axes of a trajectory's poses and of its world, below which z is not up."""
 
 
 @parameters
@@ -84,12 +102,10 @@ def track(
         boxes = np.array([[prior.length, prior.width]]) if sizes is None else sizes
         corners = 0.5 * boxes[:, None] * rectangle(2.0, 2.0)
         contours = corners @ rotations(-means[:, 2]) + means[:, None, :2]
-        directions = directions_of(contours, means)
-    std = np.sqrt(np.maximum(shift_variances(directions, covariances), 0.0))
-    unused = [np.zeros(0, np.int64)] * count
-    shapes = contours, directions, std
+    unused, shapes = [np.zeros(0, np.int64)] * count, (contours, np.zeros(contours.shape[:2]))
     found = Track.of_scans(scans.times, states, shapes, unused, np.full(count, np.nan))
-    return replace(found, box_sizes=sizes, uses_scans=False)
+    std = np.sqrt(np.maximum(shift_variances(found.contour_directions, covariances), 0.0))
+    return replace(found, contour_std=std, box_sizes=sizes, uses_scans=False)
 
 
 def rows_of_scans(scans: Scans, tracker: FileTrackParameters) -> "DataFrame":
@@ -153,3 +169,55 @@ def states_of(table: "DataFrame", scans: Scans, frame: str) -> tuple[np.ndarray,
         means[:, :3] += sensors - [0.0, 0.0, STRAIGHT_AHEAD]
         covariances = turns @ covariances @ turns.swapaxes(1, 2)
     return means, covariances
+
+
+def read_track(file: Path, track_id: int | None) -> "DataFrame":
+    """The track in a file, one row or more; `track_id` is that of KITTI's results.
+
+    Raises:
+        UserError: in one line that names file, place and cause.
+    """
+    from pandas import DataFrame
+
+    if file.name.endswith(TABLES):
+        groups = (["k"], ["t"], RATES, STDS, VARIANCES, SIZE, *([name] for name in RADII))
+        columns = tables.read_table(file, POSE, groups)
+    else:
+        rows = [(row, words) for row, words in text_rows(file) if not words[0].startswith("#")]
+        of_tum = bool(rows) and len(rows[0][1]) == len(TUM)
+        columns = _from_tum(file, rows) if of_tum else _from_kitti(file, track_id)
+    if columns.keys().isdisjoint(("k", "t", "frame")):
+        raise UserError(f"{file}: the column k or t is missing")
+    if len(columns["x"]) == 0:
+        raise UserError(f"{file}: has no rows, so there is no track")
+    for name in columns.keys() & {*SIZE, *RADII}:
+        tables.refuse_rows(file, columns[name] <= 0.0, lambda _, name=name: f"{name} must be > 0")
+    for name in columns.keys() & {*STDS}:
+        tables.refuse_rows(file, columns[name] < 0.0, lambda _, name=name: f"{name} must be >= 0")
+    radii = [name for name in RADII if name in columns]
+    if radii and (len(radii) < 3 or radii[-1] != RADII[len(radii) - 1]):
+        raise UserError(f"{file}: radius_0, radius_1, … must be three or more without a gap")
+    return DataFrame(columns)
+
+
+def _from_tum(file: Path, rows: list[tuple[int, list[str]]]) -> dict[str, np.ndarray]:
+    values = np.array([numbers(file, row, words, len(TUM)) for row, words in rows])
+    turns = unit_rotations(file, values[:, [7, 4, 5, 6]])
+    if np.median(turns[:, 2, 2]) < UPRIGHT:
+        raise UserError(f"{file}: z is not up: must be x y z qx qy qz qw (w last) with x ahead")
+    heading = np.unwrap(np.arctan2(turns[:, 1, 0], turns[:, 0, 0]))
+    return dict(zip(TUM, values.T, strict=True)) | {"heading": heading}
+
+
+def _from_kitti(file: Path, track_id: int | None) -> dict[str, np.ndarray]:
+    labels = read_labels(file)
+    known = ", ".join(map(str, labels)) or "none"
+    if track_id is None and len(labels) == 1:
+        (track_id,) = labels
+    if track_id not in labels:
+        raise UserError(f"tracker.id: must be one of the tracks in {file}: {known}; got {track_id}")
+    found = labels[track_id]
+    x, _, y = found.places.T
+    _, width, length = found.sizes.T
+    columns = {"frame": found.frames, "x": x, "y": y, "heading": -found.yaws}
+    return columns | {"length": length, "width": width}

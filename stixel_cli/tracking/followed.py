@@ -227,17 +227,6 @@ def state_of(
     the covariance of an even mixture of their states. The standard deviations of heading and rates
     are greater than those of `start` where the scans do not show them.
     """
-    states = [_state_of(scans, one, size, start) for size in sizes]
-    means, covariances, times = (np.stack(part) for part in zip(*states, strict=True))
-    mean, covariance = mixture(np.full(len(sizes), 1.0 / len(sizes)), means, covariances)
-    back = motion.transition(scans.times[first] - motion.intervals(scans.times)[first] - times[0])
-    return InitialState(back @ mean, back @ covariance @ back.T)
-
-
-def _state_of(
-    scans: Scans, one: OpenTrack, size: np.ndarray, start: ScansStart
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Mean (6,) and covariance (6, 6) with one `size` (2,) m, and their time, s."""
     of_sensor, sensors = start.motion == "sensor", scans.sensor_poses_world
     ks, stds = [*one.rows][: 1 if of_sensor else None], np.array(start.std)
     points = [scans.points_world[one.rows[k]] for k in ks]
@@ -249,14 +238,20 @@ def _state_of(
         headed = float(np.hypot(*velocity)) >= motion.LEAST_SPEED
         heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(points)
         stds[2] = stds[2] if headed else np.sqrt(motion.GREATEST_VARIANCE)
-    centres = [
-        _centre(each, sensors[k, :2], heading, size) for k, each in zip(ks, points, strict=True)
-    ]
-    centre, of_centres, error = line(times, np.array(centres))
-    if not of_sensor:
-        velocity = of_centres
-        stds[3:5] = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
-    return np.array([*centre, heading, *velocity, 0.0]), np.diag(stds**2), float(times.mean())
+    means, variances = np.zeros((len(sizes), 6)), np.tile(stds**2, (len(sizes), 1))
+    for mean, variance, size in zip(means, variances, sizes, strict=True):
+        seen = zip(points, sensors[ks, :2], strict=True)
+        centres = np.array([_centre(each, sensor, heading, size) for each, sensor in seen])
+        mean[:2], of_centres, error = line(times, centres)
+        mean[2:5] = heading, *(velocity if of_sensor else of_centres)
+        if not of_sensor:
+            std = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
+            variance[3:5] = std**2
+    covariances = variances[:, None] * np.eye(6)
+    mean, covariance = mixture(np.full(len(sizes), 1.0 / len(sizes)), means, covariances)
+    age = scans.times[first] - motion.intervals(scans.times)[first] - times.mean()
+    back = motion.transition(age)
+    return InitialState(back @ mean, back @ covariance @ back.T)
 
 
 def _longest(points: Sequence[np.ndarray]) -> float:

@@ -112,19 +112,21 @@ def track(
     steps: list[Step] = []
 
     @cache
-    def moved(interval: float) -> tuple[np.ndarray, np.ndarray]:
-        """The pose's process noise, and the transition of all states."""
-        kept = np.exp(-tracker.forgetting_rate * interval) * np.eye(tracker.basis_points)
+    def moved(interval: float) -> tuple[np.ndarray, ...]:
+        """The pose's process noise, the transition of all states, and their stated noise."""
+        kept = np.exp(-tracker.forgetting_rate * interval)
         noise = motion.process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
-        return noise, block_diag(motion.transition(interval), kept)
+        transition = block_diag(motion.transition(interval), kept * np.eye(tracker.basis_points))
+        forgotten = (1.0 - kept**2) * (side.radii_covariance if side else process.covariance)
+        return noise, transition, block_diag(noise, forgotten)
 
     for scan in filtered:
-        interval, (noise, transition) = scan.interval, moved(scan.interval)
+        interval, (noise, transition, stated) = scan.interval, moved(scan.interval)
         mean, covariance = predicted = motion.predict(
             mean, covariance, interval, noise, tracker.forgetting_rate, process
         )
         if side:
-            side.predict(transition[:6, :6], noise, interval)
+            side.predict(transition, stated)
         if tracker.slip is not None:
             mean, covariance, *tie = motion.tied_to_velocity(mean, covariance, tracker.slip)
             if side:
@@ -160,7 +162,7 @@ def _updated(
     """Mean and covariance after a scan, the indices (m,) of its points that were used, the NIS."""
     points, variance = scan.points, tracker.measurement_std**2
     if side:
-        rays, shape_stds = side.rays(scan, mean)
+        rays, (insets, shape_stds) = side.rays(scan, mean)
         points = rays.points_world
     indices = _associated(points, mean, covariance, process, tracker)
     if side:
@@ -172,7 +174,7 @@ def _updated(
         mean, covariance, _, nis = update(mean, covariance, model, variance, tangential=True)
         return mean, covariance, indices, nis
     taken = rays.subset(indices)
-    moved = side.between_ends(taken, mean, covariance)
+    moved = side.between_ends(taken, insets[indices], mean, covariance)
     if moved is not None:
         mean, *ends = moved
         side.correct_by_one(*ends)
@@ -184,8 +186,8 @@ def _updated(
 
 def contours_of(
     means: np.ndarray, covariances: np.ndarray, process: ContourProcess, points: int = 120
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Contours (K, M, 2) m, directions (K, M, 2) and std (K, M) m of K states; see `Track`.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Contours (K, M, 2) m and std (K, M) m of K states; see `Track`.
 
     At M = `points` even angles: r = m + H^f (x^f - m), m the mean radius of the process. A radius
     below zero, which the model does not rule out, is drawn as zero, so every contour is
@@ -206,7 +208,7 @@ def contours_of(
     for k, covariance in enumerate(covariances):
         rows[:, :3] = by_pose[k]
         spread[k] = np.einsum("ij,ij->i", rows @ covariance, rows)
-    return contours, directions, np.sqrt(np.maximum(spread, 0.0) + variances)
+    return contours, np.sqrt(np.maximum(spread, 0.0) + variances)
 
 
 def _associated(

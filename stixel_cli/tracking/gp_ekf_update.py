@@ -47,11 +47,6 @@ class Linearisation:
         """
         return self.pose_matrix[:, :2]
 
-    @property
-    def angles(self) -> np.ndarray:
-        """(n,) rad of the points in the target's frame."""
-        return np.arctan2(self.directions_target[:, 1], self.directions_target[:, 0])
-
     @cached_property
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
         """H (n, 6 + N), the derivatives of the radial component of h, and R^f (n,) in m²."""

@@ -78,7 +78,7 @@ class Filtered:
 
     def track(
         self,
-        contours: tuple[np.ndarray, np.ndarray, np.ndarray],
+        contours: tuple[np.ndarray, np.ndarray],
         states: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Track:
         """The track with these `contours`, see `Track.of_scans`, and `states`: by default its own.

@@ -8,7 +8,7 @@ The gain of `gp_ekf` takes neighbouring points for independent ones, with a nois
 what they share. Its covariance is too large where the errors are small, and too small where they
 are shared. What is stated is that of the same estimate with the errors that are there
 (`consider.py`): the points' own noise, the size of the class, the shape that the sensor sees, in
-which road users differ and limbs swing, and what all scans share.
+which road users differ and limbs swing, and what a target's faces are off at its points' heights.
 """
 
 from dataclasses import replace
@@ -19,12 +19,12 @@ import numpy as np
 from numba import njit
 from scipy.linalg import block_diag
 
-from stixel_cli.geometry.kernel import first_hits, returning
+from stixel_cli.geometry.kernel import first_hits
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.background import Background
-from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import MODE_ANGLES, class_shape, outline_modes
 from stixel_cli.tracking.contour.contour_rays import (
     FACES,
@@ -37,6 +37,7 @@ from stixel_cli.tracking.contour.contour_rays import (
 from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, expected
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise
+from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Scan
 from stixel_cli.tracking.prior import PriorShape, prior_radii
@@ -47,9 +48,6 @@ if TYPE_CHECKING:
 REACH, REACH_BESIDE = 0.5, 0.3
 """A point this near the contour, m, is the target's: of the segment of neighbouring rays on which
 the contour was placed, and of other segments. Inside the contour it may be twice as far."""
-
-PLACING_STD = 0.1
-"""Of a point, m, to place the contour on a segment; the scale of its heavy tail is `REACH`."""
 
 END_SHARE = 0.17
 """Of the prior's width: standard deviation of the places of the first and the last point at the
@@ -82,17 +80,14 @@ class OneSide(JointCovariance):
         """From the covariance (6, 6) `initial` of the start."""
         self._process, self._field_of_view, shared = process, scans.field_of_view, 0
         self._background, self._sight = Background(), None
+        self._variance = tracker.measurement_std**2
         self.radii = prior_radii(prior, process.basis_angles)
         self.radii_covariance, self.shape_covariance = process.covariance, 0.0 * process.covariance
         self._std_factor, self.roughness, self._end_std = 1.0, 0.0, END_SHARE * prior.width
         if prior.road_user != "unknown":
             self._know_class(prior, tracker)
             shared = FACES * (scans.heights is not None and self._sight.height_insets is not None)
-        # Radii that are not seen are forgotten at the rate of the process.
-        rate, count = tracker.forgetting_rate, len(self.radii)
-        memories = [1.0 / rate if rate else np.inf, FIELD_TIME, np.inf]
-        covariance = block_diag(initial, self.radii_covariance)
-        super().__init__(covariance, np.repeat(memories, [count, NODES, shared]), count)
+        super().__init__(block_diag(initial, self.radii_covariance), shared)
 
     def _know_class(self, prior: PriorShape, tracker: "GpEkfParameters") -> None:
         """Outline, sizes, shapes and visible shape of the class of the `prior`."""
@@ -130,22 +125,24 @@ class OneSide(JointCovariance):
     def rays(self, scan: Scan, mean: np.ndarray) -> tuple[Rays, np.ndarray]:
         """The rays of the points of a scan, moved to where they would be if the outline were seen.
 
-        `mean` (6 + N,) is the target's state. Points of an unknown class stay. Also the standard
-        deviations (n,) m of these moves.
+        `mean` (6 + N,) is the target's state. Points of an unknown class stay. Also (2, n) m: how
+        far inside the outline's ends those of the visible shape are, and the standard deviations of
+        the moves.
         """
         seen, sensor = (scan.points, scan.covariances), scan.sensor
         rays = rays_of(*seen, sensor, self._field_of_view, scan.heights)
         spread = np.sqrt(max(np.trace(self.matrix[:2, :2]), 0.0))
         others = self._background.others(rays, mean[:2], mean[6:].max(), spread)
         if self._sight is None or not len(scan.points):
-            return replace(rays, others=others), np.zeros(len(scan.points))
+            return replace(rays, others=others), np.zeros((2, len(scan.points)))
         state = np.concatenate([mean[:3], self._factors])
         rays = at_heights(rays, state, self._sight.table, self._sight.height_insets)
         visible, outline = (
             expected(state, sensor, rays.directions, table.arrays) for table in self._tables
         )
         missed = visible[0] - outline[0] + self._sight.bias_per_std * rays.stds
-        return replace(rays, others=others, ranges=rays.ranges - missed), visible[2]
+        insets = np.stack([visible[1] - outline[1], visible[2]])
+        return replace(rays, others=others, ranges=rays.ranges - missed), insets
 
     def target(
         self, rays: Rays, candidates: np.ndarray, mean: np.ndarray, covariance: np.ndarray
@@ -163,8 +160,8 @@ class OneSide(JointCovariance):
         model = linearise(rays.points_world[candidates], mean, self._process)
         weights = 1.0 / (1.0 + (model.residuals / REACH) ** 2)
         main = labels == np.bincount(labels, weights).argmax()
-        found = placed(model.pose_matrix[main], model.residuals[main], covariance)
-        step, posterior = found[0], found[1:]
+        of_main = model.pose_matrix[main], model.residuals[main]
+        step, posterior = placed(*of_main, covariance[:3, :3], self._variance)
         residuals = model.residuals - model.pose_matrix @ step
         variances = ((model.pose_matrix @ posterior) * model.pose_matrix).sum(axis=1)
         reach = np.where(main, REACH + np.sqrt(np.maximum(variances, 0.0)), REACH_BESIDE)
@@ -192,14 +189,15 @@ class OneSide(JointCovariance):
         return replace(model, residuals=model.residuals - (model.gradients * moved).sum(axis=1))
 
     def between_ends(
-        self, rays: Rays, mean: np.ndarray, covariance: np.ndarray
+        self, rays: Rays, insets: np.ndarray, mean: np.ndarray, covariance: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float] | None:
         """The `mean` (6 + N,), moved across the rays so that its ends are those of the points.
 
-        With the gain (6 + N,), the derivative (6 + N,) of the mean of the ends by the states, and
-        its variance, m². Ranges hardly measure the place across the rays, and the slope of a narrow
-        target's radius holds for a few degrees only. An end at the border of the field of view, or
-        beside a nearer object, is not used; None: neither is.
+        Or as far outside of them as the `insets` (n,) m of the visible shape. With the gain
+        (6 + N,), the derivative (6 + N,) of the mean of the ends by the states, and its variance,
+        m². Ranges hardly measure the place across the rays, and the slope of a narrow target's
+        radius holds for a few degrees only. An end at the border of the field of view, or beside a
+        nearer object, is not used; None: neither is.
         """
         ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
         seen = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
@@ -208,6 +206,7 @@ class OneSide(JointCovariance):
             return None
         row, basis = np.zeros(len(mean)), self._process.basis_directions
         offset = apart(row, mean, basis, rays.sensor, rays.directions, ends, seen)
+        offset += np.array([-1.0, 1.0]) @ (seen * insets[ends]) / seen.sum()
         # As if only the place were wrong: the ends do not tell a turn from a shift.
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + self._end_std**2)
@@ -227,40 +226,32 @@ class OneSide(JointCovariance):
         own = (self._std_factor * rays.stds * along) ** 2 + variances
         own += self.roughness**2 * squares
         own += (squares - along**2) * rays.across_variances
-        field = (shape_stds * along)[:, None] * field_weights(model.angles)
+        # Neighbours share the error of the visible shape, as far as they share the radius.
+        between = model.directions_target @ model.directions_target.T - 1.0
+        noise = np.exp(between / self._process.length_scale**2, out=between)
+        noise *= np.outer(shape_stds * along, shape_stds * along)
+        noise.flat[:: len(own) + 1] += own
         shared = (gradients[:, None] @ rays.shared)[:, 0]
-        rows, residuals = np.hstack([matrix, field, shared]), model.residuals
-        spread = self.correct(gain, rows, gain * own) @ rows.T
-        spread.flat[:: len(own) + 1] += own
+        rows, residuals = np.hstack([matrix, shared]), model.residuals
+        spread = self.correct(gain, rows, gain @ noise) @ rows.T + noise
         return float(residuals @ np.linalg.solve(spread, residuals))
 
 
-@returning(lambda *_: (np.zeros((4, 3)), np.empty((2, 3))))
-@njit(cache=True)
-def placed(found, work, slopes, residuals, covariance):
-    """How far a robust fit of `residuals` (n,) m moves a pose, and its covariance: (1 + 3, 3).
+def placed(
+    slopes: np.ndarray, residuals: np.ndarray, covariance: np.ndarray, variance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far a robust fit of `residuals` (n,) m moves a pose, and its covariance (3, 3) then.
 
-    `slopes` (n, 3) are the derivatives by the pose, `covariance` (3 or more, …) is that before. The
-    fit is made twice, with the noise of a Cauchy distribution at the last residuals.
+    `slopes` (n, 3) are the derivatives by the pose, `covariance` (3, 3) is that before. The fit is
+    made twice, with the noise of a Cauchy distribution at the last residuals: `variance`, m², at
+    zero, and a tail of the scale `REACH`.
     """
-    step, posterior, mean, spread = found[0], found[1:], work[0], work[1]
+    step, left = np.zeros(3), residuals
     for _ in range(2):
-        posterior[:], mean[:] = covariance[:3, :3], 0.0
-        for i in range(len(residuals)):
-            left, innovation, variance = residuals[i], residuals[i], 0.0
-            for j in range(3):
-                left -= slopes[i, j] * step[j]
-                innovation -= slopes[i, j] * mean[j]
-                spread[j] = 0.0
-                for k in range(3):
-                    spread[j] += posterior[j, k] * slopes[i, k]
-                variance += slopes[i, j] * spread[j]
-            variance += PLACING_STD**2 * (1.0 + (left / REACH) ** 2)
-            for j in range(3):
-                mean[j] += spread[j] / variance * innovation
-                for k in range(3):
-                    posterior[j, k] -= spread[j] / variance * spread[k]
-        step[:] = mean
+        variances = variance * (1.0 + (left / REACH) ** 2)
+        step, posterior, _ = correct(covariance, slopes, variances, residuals)
+        left = residuals - slopes @ step
+    return step, posterior
 
 
 @njit(cache=True, error_model="numpy")

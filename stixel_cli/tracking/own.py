@@ -48,7 +48,6 @@ def check_track(result: Any, scans: Scans, name: str) -> None:
         "means": (count, *states),
         "covariances": (count, *states, *states),
         "contours_world": (count, corners, 2),
-        "contour_directions": (count, corners, 2),
         "contour_std": (count, corners),
         "used_offsets": (count + 1,),
         "nis": (count,),

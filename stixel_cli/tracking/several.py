@@ -1,4 +1,4 @@
-"""Road users that move: which of the clusters that are followed are road users.
+"""Road users that move: which of the clusters that are followed are, and the track of each.
 
 A cluster that moves leaves free places behind. A fence at a grazing angle has a cluster that slides
 along it: at the edge of the view, in a gap between nearer things, or where stereo sees enough of
@@ -6,7 +6,10 @@ it. Its speed tells nothing, since a car that is followed has it, too. But the f
 the cluster was.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
+from pkgutil import resolve_name
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +19,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.contour.class_size import possible_sizes
 from stixel_cli.tracking.followed import BEGIN, LARGEST, OpenTrack, ScansStart, follow, state_of
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import FoundTrack, InitialState
+from stixel_cli.tracking.track import FoundTrack, InitialState, ObjectTrack
 
 RECENT = 20
 """Speed and places left are those of so many of the last scans that have the cluster: with all, a
@@ -46,6 +49,49 @@ def find_tracks(scans: Scans, prior: PriorShape, start: ScansStart) -> tuple[Fou
             kept[i] = _joined(kept[i][0], one), min(k, kept[i][1])
     states = [initial_state(scans, one, k, sizes, start) for one, k in kept]
     return tuple(FoundTrack(one.rows, k, at) for (one, k), at in zip(kept, states, strict=True))
+
+
+def track_each(
+    found: tuple[FoundTrack, ...], scans: Scans, function: str, settings: Mapping[str, Any]
+) -> tuple[ObjectTrack, ...]:
+    """The track of each road user that is found, from its first to its last scan.
+
+    Args:
+        found: no point is in two of them.
+        scans: all points.
+        function: "module:function" of the tracker.
+        settings: what the tracker gets besides scans and initial state.
+
+    Raises:
+        ValueError: if no road user is found.
+    """
+    if not found:
+        raise ValueError(
+            "source.target: auto finds no cluster of the class's size that moves: name a labelled "
+            "target, or leave it out and give start.bearing=[LO,HI] (degrees)"
+        )
+    track = resolve_name(function)
+    tracks = []
+    for one in found:
+        own, rows = own_scans(scans, one)
+        result = track(scans=own, initial=one.initial, **settings)
+        # Only the filtered track is compared with labels.
+        result = replace(result, smoothed=None).of_points(rows)
+        tracks.append(ObjectTrack(min(one.rows), one.confirmed, result))
+    return tuple(tracks)
+
+
+def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
+    """The scans from the first to the last of a road user, with its own points only.
+
+    A scan without its cluster is empty. Also the rows (P,) of these points in `scans`.
+    """
+    ks = range(min(found.rows), max(found.rows) + 1)
+    rows = np.concatenate([np.sort(found.rows[k]) for k in ks if k in found.rows])
+    times, poses = scans.times[ks], scans.sensor_poses_world[ks]
+    own = scans.of_rows(rows)
+    offsets = own.offsets[ks.start : ks.stop + 1]
+    return replace(own, times=times, sensor_poses_world=poses, offsets=offsets), rows
 
 
 def initial_state(

@@ -43,10 +43,8 @@ class Track:
         means: (K, D) state means; the first six are x m, y m, heading rad and their rates.
         covariances: (K, D, D).
         contours_world: (K, M, 2) m, the estimated contour as a polygon, counter-clockwise.
-        contour_directions: (K, M, 2) unit vectors from the centre through the contour's points,
-            counter-clockwise, over one turn.
         contour_std: (K, M) m, standard deviation of the distance from the estimated centre to the
-            true contour along these directions: of pose and shape together.
+            true contour along the `contour_directions`: of pose and shape together.
         used_offsets: (K + 1,) int64, and
         used_points: (U,) int64: scan k was updated with the rows
             used_points[used_offsets[k]:used_offsets[k + 1]] of the scans' arrays.
@@ -70,7 +68,6 @@ class Track:
     means: np.ndarray
     covariances: np.ndarray
     contours_world: np.ndarray
-    contour_directions: np.ndarray
     contour_std: np.ndarray
     used_offsets: np.ndarray
     used_points: np.ndarray
@@ -88,6 +85,17 @@ class Track:
     def poses(self) -> np.ndarray:
         """(K, 3) x m, y m, heading rad."""
         return self.means[:, :3]
+
+    @property
+    def contour_directions(self) -> np.ndarray:
+        """(K, M, 2) unit vectors from the centre through the contour's points.
+
+        Where a point is at the centre, its place among even directions over a turn.
+        """
+        arms = self.contours_world - self.means[:, None, :2]
+        lengths = np.linalg.norm(arms, axis=2, keepdims=True)
+        _, even = contour_directions(self.means[:, 2], arms.shape[1])
+        return np.divide(arms, lengths, out=even, where=lengths > 0.0)
 
     @property
     def boxes(self) -> np.ndarray:
@@ -123,15 +131,15 @@ class Track:
         cls,
         times: np.ndarray,
         states: tuple[np.ndarray, np.ndarray],
-        contours: tuple[np.ndarray, np.ndarray, np.ndarray],
+        contours: tuple[np.ndarray, np.ndarray],
         used: Sequence[np.ndarray],
         nis: np.ndarray,
         nis_degrees_of_freedom: np.ndarray | None = None,
     ) -> "Track":
         """From what a tracker has after its last scan.
 
-        `states` are means and covariances, `contours` the contours with directions and standard
-        deviations; both and `times`, `nis` are as the attributes. `used` has, for each scan, the
+        `states` are means and covariances, `contours` the contours and their standard deviations;
+        both and `times`, `nis` are as the attributes. `used` has, for each scan, the
         rows (n_k,) that updated it. Without `nis_degrees_of_freedom`, each such row has one.
         """
         offsets, rows = used_rows(used)
@@ -201,16 +209,6 @@ def contour_directions(headings: np.ndarray, points: int = 120) -> tuple[np.ndar
     angles = 2.0 * np.pi * np.arange(points) / points
     bearings = headings[:, None] + angles
     return angles, np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
-
-
-def directions_of(contours: np.ndarray, means: np.ndarray) -> np.ndarray:
-    """Unit vectors (K, M, 2) to `contours` (K, M, 2) m from the centres of the `means` (K, D).
-
-    Zero at a centre.
-    """
-    arms = contours - means[:, None, :2]
-    lengths = np.linalg.norm(arms, axis=2, keepdims=True)
-    return np.divide(arms, lengths, out=np.zeros_like(arms), where=lengths > 0.0)
 
 
 def shift_variances(directions: np.ndarray, covariances: np.ndarray) -> np.ndarray:

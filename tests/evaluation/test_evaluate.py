@@ -26,10 +26,8 @@ def track_with(shifts):
     """A track that is off the truth by `shifts` (K, 3), pose for pose."""
     poses = POSES + shifts
     contours = np.stack([world_from_target(OUTLINE, pose) for pose in poses])
-    directions = contours - poses[:, None, :2]
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     states = np.pad(poses, ((0, 0), (0, 5))), np.tile(0.25 * np.eye(8), (COUNT, 1, 1))
-    shape = contours, directions, np.full((COUNT, 4), 0.1)
+    shape = contours, np.full((COUNT, 4), 0.1)
     used = [0, 1], [], [2], [4, 5], [6, 7]
     return Track.of_scans(TIMES, states, shape, used, np.array([1.0, np.nan, 2.0, 4.0, 2.0]))
 
@@ -106,7 +104,7 @@ def test_a_target_leaves_the_view_of_its_sensor():
     scans = Scans.of_each(times, sensors, [empty] * count, view)
     assert np.flatnonzero(of_scans.out_of_view(scenario, scans))[0] == 11
     states = np.zeros((count, 8)), np.tile(np.eye(8), (count, 1, 1))
-    contours = np.tile(OUTLINE, (count, 1, 1)), np.tile(OUTLINE, (count, 1, 1)), np.ones((count, 4))
+    contours = np.tile(OUTLINE, (count, 1, 1)), np.ones((count, 4))
     unused = [np.zeros(0, int)] * count
     track = Track.of_scans(times, states, contours, unused, np.full(count, np.nan))
     metrics = evaluate(track, scenario, scans).metrics
@@ -122,7 +120,6 @@ def test_contour_errors_match_a_calculation_by_hand():
     sizes = np.array([1.0, 1.1, 1.1, 1.5, 0.5])[:, None, None]
     means = np.concatenate([still, np.zeros((COUNT, 5))], axis=1)
     contours = {"contours_world": sizes * OUTLINE + [0.0, 10.0]}
-    contours |= {"contour_directions": np.tile(OUTLINE / np.sqrt(2), (COUNT, 1, 1))}
     contours |= {"contour_std": np.full((COUNT, 4), 0.07)}
     track = dataclasses.replace(track_with(np.zeros((COUNT, 3))), means=means, **contours)
     metrics = evaluate(track, scenario, SCANS).metrics
@@ -179,7 +176,7 @@ def test_metrics_are_plain_numbers_or_none():
     assert json.loads(json.dumps(metrics)) == metrics
     unsure = track_with(SHIFTS)
     states = unsure.means, np.zeros_like(unsure.covariances)
-    contours = unsure.contours_world, unsure.contour_directions, unsure.contour_std
+    contours = unsure.contours_world, unsure.contour_std
     unused = Track.of_scans(TIMES, states, contours, [[]] * COUNT, np.full(COUNT, np.nan))
     metrics = evaluate(unused, SCENARIO, SCANS).metrics
     for name in ("nees_position_mean", "nees_orientation_mean", "nis_mean"):

@@ -43,7 +43,7 @@ def track(poses, first=0, stop=COUNT, confirmed=5, nis=1.0):
     poses, count = poses[first:stop], stop - first
     states = np.pad(poses, ((0, 0), (0, 3))), np.tile(np.eye(6), (count, 1, 1))
     contours = np.array([CAR + pose[:2] for pose in poses])
-    outlines, unused = (contours, 0.0 * contours, np.zeros((count, 4))), [np.zeros(0, int)] * count
+    outlines, unused = (contours, np.zeros((count, 4))), [np.zeros(0, int)] * count
     scaled, degrees = np.full(count, 2.0 * nis), np.full(count, 2)
     own = Track.of_scans(TIMES[first:stop], states, outlines, unused, scaled, degrees)
     return ObjectTrack(first, confirmed, own)

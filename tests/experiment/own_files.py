@@ -35,7 +35,7 @@ def track(scans, initial, prior, tracker: Parameters):
     means[:, 0] += {helper}.OFFSET * tracker.alpha
     square = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
     contours = means[:, None, :2] + square
-    shape = contours, np.tile(square / 2**0.5, (count, 1, 1)), np.ones((count, 4))
+    shape = contours, np.ones((count, 4))
     states = means, np.tile(np.eye(6), (count, 1, 1))
     return Track.of_scans(scans.times, states, shape, [[]] * count, np.full(count, np.nan))
 

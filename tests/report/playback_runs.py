@@ -22,7 +22,7 @@ from stixel_cli.tracking.track import ObjectTrack
 
 SCANS = 12
 OVER_SCANS = (
-    *("times", "means", "covariances", "contours_world", "contour_directions", "contour_std"),
+    *("times", "means", "covariances", "contours_world", "contour_std"),
     *("nis", "nis_degrees_of_freedom"),
 )
 """The arrays of a track with a row a scan."""

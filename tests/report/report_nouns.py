@@ -76,7 +76,6 @@ def make_track(scenario, scans, rng, corners=60):
         means=means,
         covariances=np.tile(np.diag([0.04, 0.09, 0.01, 0.1, 0.1, 0.01]), (count, 1, 1)),
         contours_world=means[:, None, :2] + radius[:, None] * directions,
-        contour_directions=directions,
         contour_std=np.tile(0.05 + 0.15 * (np.sin(angles) > 0), (count, 1)),
         used_offsets=np.concatenate([[0], np.cumsum([len(rows) for rows in used])]),
         used_points=np.concatenate(used),

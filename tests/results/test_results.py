@@ -46,7 +46,7 @@ COUNT = 3
 @pytest.fixture
 def track():
     states = np.zeros((COUNT, 6)), np.tile(np.eye(6), (COUNT, 1, 1))
-    contours = np.zeros((COUNT, 4, 2)), np.zeros((COUNT, 4)), np.zeros((COUNT, 4))
+    contours = np.zeros((COUNT, 4, 2)), np.zeros((COUNT, 4))
     return Track.of_scans(0.1 * np.arange(COUNT), states, contours, [[]] * COUNT, np.zeros(COUNT))
 
 

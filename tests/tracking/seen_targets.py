@@ -8,9 +8,9 @@ from tracking_cases import FIELD, scans_of
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans, points_along
-from stixel_cli.tracking.consider import NODES
 from stixel_cli.tracking.contour import ray_kernels
 from stixel_cli.tracking.contour.contour_rays import Rays, rays_of
+from stixel_cli.tracking.contour.residual import NODES
 from stixel_cli.tracking.track import InitialState
 
 SENSOR = np.array([0.0, 0.0, np.pi / 2])

@@ -18,8 +18,9 @@ from stixel_cli.tracking.several import (
     confirmed,
     find_tracks,
     free_and_occupied,
+    own_scans,
+    track_each,
 )
-from stixel_cli.tracking.track_each import own_scans, track_each
 
 CONFIGURATION = compose(["start=scans", "tracker=box"]).configuration
 PRIOR = CONFIGURATION.prior

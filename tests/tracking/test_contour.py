@@ -15,11 +15,11 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import FieldOfView, SharedErrors
 from stixel_cli.tracking.association import uncut
-from stixel_cli.tracking.consider import NODES, JointCovariance
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import predict, start
-from stixel_cli.tracking.contour.contour_rays import gate_widths, rays_of, sight_of
+from stixel_cli.tracking.contour.contour_rays import NEAR, rays_of, sight_of
 from stixel_cli.tracking.contour.contour_report import (
     OUTLINE_STD,
     SIDEWAYS,
@@ -31,7 +31,7 @@ from stixel_cli.tracking.contour.contour_update import (
     Measurement,
 )
 from stixel_cli.tracking.contour.forms import forms_of
-from stixel_cli.tracking.contour.residual import Residual
+from stixel_cli.tracking.contour.residual import NODES, Residual
 from stixel_cli.tracking.kalman import correct, normalised_innovation_squared
 from stixel_cli.tracking.track import InitialState
 
@@ -161,14 +161,15 @@ def test_stated_deviation_of_the_contour_is_that_of_random_states(name):
     mean = np.append([3.0, 9.0, 0.7, 2.0, 0.0, 0.05, -0.05], np.zeros(NODES))
     root = np.diag([0.02, 0.015, 0.03, 0.0, 0.0, 0.02, 0.02] + [0.03] * NODES)
     residual = Residual(shape)
-    _, directions, std = contours_of(mean[None], (root @ root)[None], shape, 90, residual)
+    places, std = contours_of(mean[None], (root @ root)[None], shape, 90, residual)
+    rays = places[0] - mean[:2]
     random = np.random.default_rng(1)
     radii = []
     for state in mean + random.standard_normal((400, 7 + NODES)) @ root:
-        contours, _, _ = contours_of(state[None], (root @ root)[None], shape, 360, residual)
+        contours, _ = contours_of(state[None], (root @ root)[None], shape, 360, residual)
         contour = contours[0] - mean[:2]
         bearing = np.arctan2(contour[:, 1], contour[:, 0])
-        wanted = np.arctan2(directions[0, :, 1], directions[0, :, 0])
+        wanted = np.arctan2(rays[:, 1], rays[:, 0])
         radii.append(np.interp(wanted, bearing, np.hypot(*contour.T), period=2.0 * np.pi))
     ratio = np.std(radii, axis=0) / np.sqrt(std[0] ** 2 - OUTLINE_STD**2)
     assert 0.9 < np.median(ratio) < 1.1
@@ -245,7 +246,7 @@ def test_a_point_where_it_is_expected_is_likelier_than_clutter(std):
     prior, sight = class_shape("car"), sight_of("car", TRACKER)
     mean, covariance = np.zeros(7 + NODES), 1e-4 * np.eye(7 + NODES)
     mean[:4] = 0.0, 30.0 + 0.5 * prior.size[0], -np.pi / 2, 5.0
-    joint = JointCovariance(covariance, np.zeros(0))
+    joint = JointCovariance(covariance, 0)
     start, some = Hypothesis((mean, covariance, joint)), (np.arange(6), np.arange(12))
     few, all_of_them = (Measurement(rays, one, sight, TRACKER).update(start) for one in some)
     assert all_of_them.log_likelihood > few.log_likelihood
@@ -298,7 +299,7 @@ def test_what_a_scan_does_to_the_joint_covariance_is_the_dense_update(form):
     rays = replace(rays_of(points, covariances, SENSOR), shared=shared)
     states = 7 + NODES
     root = random.standard_normal((states + 4,) * 2)
-    joint = JointCovariance(np.eye(states), np.full(4, np.inf))
+    joint = JointCovariance(np.eye(states), 4)
     joint.matrix = np.eye(len(root)) + 0.02 * root @ root.T
     mean = np.zeros(states)
     mean[:3] = 3.1, 15.1, 0.38
@@ -326,5 +327,5 @@ def test_what_a_scan_does_to_the_joint_covariance_is_the_dense_update(form):
     assert_allclose(after.state[2].matrix, expected, atol=1e-12)
     assert after.degrees == used.sum()
     assert after.nis == pytest.approx(innovations @ np.linalg.solve(density.cov, innovations))
-    gates = np.log(gate_widths(rays, tracker)).sum()
+    gates = np.log(2.0 * (NEAR + tracker.gate_std * rays.stds)).sum()
     assert after.log_likelihood - gates == pytest.approx(density.logpdf(innovations))

@@ -15,7 +15,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rectangle, rotation, world_from_target
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
-from stixel_cli.tracking.consider import NODES, JointCovariance
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour import forms
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES, class_size
@@ -30,8 +30,8 @@ from stixel_cli.tracking.contour.contour_report import contours_of, reported
 from stixel_cli.tracking.contour.contour_update import Hypothesis, Measurement
 from stixel_cli.tracking.contour.forms import forms_of
 from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
-from stixel_cli.tracking.contour.residual import Residual
-from stixel_cli.tracking.track import OTHER
+from stixel_cli.tracking.contour.residual import NODES, Residual
+from stixel_cli.tracking.track import OTHER, contour_directions
 
 FILE = replace(compose(["tracker=contour"]).configuration.tracker, seen_by="file")
 FABRICATED = replace(FILE, seen_by="fabricated")
@@ -124,11 +124,12 @@ def test_the_contour_is_at_even_angles_from_the_centre_that_is_reported():
     mean = np.concatenate([[1.0, 9.0, 0.7, 2.0, 0.0, 0.05, -0.05], np.zeros(NODES)])
     mean[7:10] = 0.3
     covariance = np.eye(len(mean))[None]
-    contours, directions, _ = contours_of(mean[None], covariance, SHAPE, 90, residual)
+    contours, _ = contours_of(mean[None], covariance, SHAPE, 90, residual)
     centre = reported(mean[None], covariance, residual)[0][0, :2]
     assert np.hypot(*(centre - mean[:2])) > 0.1
     rays = contours[0] - centre
-    np.testing.assert_allclose(rays / np.hypot(*rays.T)[:, None], directions[0], atol=1e-9)
+    _, even = contour_directions(mean[2:3], 90)
+    np.testing.assert_allclose(rays / np.hypot(*rays.T)[:, None], even[0], atol=1e-9)
 
 
 @pytest.mark.parametrize("prior", [STATED, PRIOR])
@@ -312,7 +313,7 @@ def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
     assert sampling_inset(uneven, sight)[1] > 10.0 * sampling_inset(even, sight)[1]
     state = np.concatenate([[0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
     covariance = 0.1 * np.eye(len(state))
-    joint = JointCovariance(covariance, np.zeros(0))
+    joint = JointCovariance(covariance, 0)
     prior, rays = Hypothesis((state, covariance, joint)), rays_at([[-0.8, 21.0], [0.8, 21.0]])
     for count, degrees in ((1, 1), (2, 4)):
         measurement = Measurement(rays, np.arange(count), sight, tracker)

@@ -11,7 +11,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target, wrap_angle
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.background import Background
-from stixel_cli.tracking.consider import NODES, JointCovariance
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
@@ -19,7 +19,7 @@ from stixel_cli.tracking.contour.contour_rays import sight_of
 from stixel_cli.tracking.contour.contour_recovery import RECENT, clusters_of, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import box_sizes
 from stixel_cli.tracking.contour.contour_update import Hypothesis
-from stixel_cli.tracking.contour.residual import Residual
+from stixel_cli.tracking.contour.residual import NODES, Residual
 
 WORDS = ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
 TRACKER = compose(WORDS).configuration.tracker
@@ -168,7 +168,7 @@ def test_a_heading_against_a_fast_motion_is_turned_and_no_other(speed, opposite)
 def test_turned_twice_is_the_state_itself():
     random = np.random.default_rng(0)
     root = random.normal(size=(7 + NODES, 7 + NODES))
-    joint = JointCovariance(root @ root.T, np.ones(3))
+    joint = JointCovariance(root @ root.T, 3)
     joint.matrix[:7, 7:] = random.normal(size=(7, len(joint.matrix) - 7))
     state = random.normal(size=7 + NODES), root @ root.T, joint
     once = contour_recovery.turned(*state)
@@ -186,7 +186,7 @@ def test_a_turned_outline_is_the_same_outline_seen_from_its_rear():
     mean = np.zeros(7 + NODES)
     mean[7] = 0.2
     unit = np.eye(7 + NODES)
-    turned, *_ = contour_recovery.turned(mean, unit, JointCovariance(unit, np.ones(3)))
+    turned, *_ = contour_recovery.turned(mean, unit, JointCovariance(unit, 3))
     plain, own, seen_from_rear = (residual.outline(one)[:, 0] for one in (0.0 * mean, mean, turned))
     assert own.max() - plain.max() == pytest.approx(0.2, abs=0.02)
     assert seen_from_rear.min() - plain.min() == pytest.approx(-0.2, abs=0.02)

@@ -191,7 +191,7 @@ def test_unseen_radii_return_to_the_mean_radius_which_is_between_the_half_axes()
 
 def test_negative_radius_is_reported_as_zero():
     mean = np.concatenate([[1.0, 2.0, 0.3, 0, 0, 0], -np.ones(16)])
-    contours, _, _ = contours_of(mean[None], np.eye(22)[None], PROCESS, 12)
+    contours, _ = contours_of(mean[None], np.eye(22)[None], PROCESS, 12)
     np.testing.assert_allclose(contours[0], np.tile([1.0, 2.0], (12, 1)))
 
 

@@ -23,6 +23,9 @@ CAR = rectangle(4.4, 1.8)
 POSES = turning(40, 4.0, 0.1, (-6.0, 12.0))
 
 
+NO_INSETS = np.zeros(9)
+
+
 def configured(*overrides):
     return compose(["tracker=gp_ekf", "measurement=fabricated", *overrides]).configuration
 
@@ -94,18 +97,23 @@ def test_a_contour_beside_its_points_moves_to_their_ends():
     _, side = side_of(prior, "fabricated")
     mean, covariance = across(side)
     rays = row_of_points(side, mean, 0.0)
-    middle = side.between_ends(rays, mean, covariance)[0]
+    middle = side.between_ends(rays, NO_INSETS, mean, covariance)[0]
     beside = row_of_points(side, mean, 0.4)
-    placed, gain, row, variance = side.between_ends(beside, mean, covariance)
+    placed, gain, row, variance = side.between_ends(beside, NO_INSETS, mean, covariance)
     assert variance == (END_SHARE * prior.width) ** 2
     share = 0.1 / (0.1 + variance)
     assert gain[:2] == pytest.approx([-share, 0.0], abs=0.05)
     assert (placed - middle)[0] == pytest.approx(0.4 * share, rel=0.1)
     assert placed[1:] == pytest.approx(mean[1:], abs=0.02)
+    # A matcher sees the left end farther out.
+    left_out = np.where(rays.bearings == rays.bearings.max(), -0.1, 0.0)
+    inwards = side.between_ends(rays, left_out, mean, covariance)[0] - middle
+    assert inwards[0] == pytest.approx(0.05 * share, rel=0.1)
 
     # The derivative of the ends' middle, to the left, by the pose.
     def correction(pose):
-        return side.between_ends(rays, np.append(pose, mean[3:]), covariance)[0][0] - pose[0]
+        state = np.append(pose, mean[3:])
+        return side.between_ends(rays, NO_INSETS, state, covariance)[0][0] - pose[0]
 
     slopes = -jacobian(correction, mean[:3], 1e-4) / gain[0]
     assert slopes == pytest.approx(row[:3], abs=5e-3)
@@ -121,9 +129,9 @@ def test_an_end_that_is_not_seen_is_not_used(hidden):
         nearer = [[-0.9, 8.0], [0.9, 8.0]]
         points = np.vstack([rays.points_world, nearer])
         rays = side.rays(scan_of(points), mean)[0]
-        assert side.between_ends(rays.subset(np.arange(9)), mean, covariance) is None
+        assert side.between_ends(rays.subset(np.arange(9)), NO_INSETS, mean, covariance) is None
     else:
-        row = side.between_ends(rays, mean, covariance)[2]
+        row = side.between_ends(rays, NO_INSETS, mean, covariance)[2]
         # The right end alone.
         assert np.count_nonzero(row[6:56]) == 1
 

@@ -181,11 +181,11 @@ def test_stated_deviation_is_that_along_rays_to_first_order(seed):
     root = 0.02 * random.standard_normal((8, 8))
     covariance = root @ root.T
     sharp = dataclasses.replace(CAR, corner_radius=0.0)
-    _, directions, std = contours_of(mean[None], covariance[None], sharp, points=24)
+    contours, std = contours_of(mean[None], covariance[None], sharp, points=24)
 
     def ranges(state):
         ring = shapely.LinearRing(0.5 * CORNERS * state[6:] @ rotation(state[2]).T + state[:2])
-        ends = mean[:2] + 9.0 * directions[0]
+        ends = mean[:2] + 9.0 * (contours[0] - mean[:2])
         rays = shapely.linestrings(np.stack([np.broadcast_to(mean[:2], ends.shape), ends], axis=1))
         met = shapely.get_coordinates(shapely.intersection(rays, ring))
         return np.hypot(*(met - mean[:2]).T)

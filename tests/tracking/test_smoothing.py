@@ -12,7 +12,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.measurements.scans import NO_SHARED_ERRORS, SharedErrors
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.baselines import point
-from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.kalman import Step, smooth
@@ -240,16 +240,14 @@ def spread(rows, columns):
 
 def test_the_covariance_is_that_of_the_errors_of_many_runs():
     """Two states, two considered errors, gains that are not the optimal ones."""
-    runs, memories = 200_000, np.array([0.5, np.inf])
-    start, transition, noise = np.diag([1.0, 0.5]), np.array([[1.0, 0.1], [0.0, 1.0]]), 0.02
-    joint = JointCovariance(start, memories)
+    runs, start = 200_000, np.diag([1.0, 0.5])
+    transition, noise = np.array([[1.0, 0.1], [0.0, 1.0]]), 0.02
+    joint = JointCovariance(start, 2)
     errors = GENERATOR.standard_normal((runs, 2)) @ np.sqrt(start)
     considered = GENERATOR.standard_normal((runs, 2))
     for _ in range(4):
-        joint.predict(transition, noise**2 * np.eye(2), 0.1)
+        joint.predict(transition, noise**2 * np.eye(2))
         errors = errors @ transition.T + noise * GENERATOR.standard_normal((runs, 2))
-        kept, drawn = np.exp(-0.1 / memories), GENERATOR.standard_normal((runs, 2))
-        considered = kept * considered + np.sqrt(1.0 - kept**2) * drawn
         gain, rows, variances = spread(2, 3), spread(3, 4), np.array([0.1, 0.2, 0.3])
         joint.correct(gain, rows, gain * variances)
         residuals = np.hstack([errors, considered]) @ rows.T
@@ -264,17 +262,6 @@ def test_with_the_optimal_gain_and_nothing_considered_it_is_a_kalman_update():
     covariance = covariance @ covariance.T
     innovation = rows @ covariance @ rows.T + np.diag(noise)
     gain = np.linalg.solve(innovation, rows @ covariance).T
-    joint = JointCovariance(covariance, np.zeros(0))
+    joint = JointCovariance(covariance, 0)
     joint.correct(gain, rows, gain * noise)
     np.testing.assert_allclose(joint.matrix, (np.eye(3) - gain @ rows) @ covariance, atol=1e-12)
-
-
-def test_the_field_has_unit_variance_and_neighbours_share_it():
-    angles = np.linspace(-np.pi, np.pi, 101)
-    weights = field_weights(angles)
-    correlations = weights @ weights.T
-    np.testing.assert_allclose(np.diag(correlations), 1.0)
-    apart = np.abs(np.angle(np.exp(1j * (angles[:, None] - angles))))
-    assert correlations[apart < 0.25 * 2 * np.pi / NODES].min() > 0.7
-    assert not correlations[apart > 2.001 * 2 * np.pi / NODES].any()
-    assert FIELD_TIME == 0.5

@@ -21,7 +21,12 @@ from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.tracking import kalman
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, rectangle_states
+from stixel_cli.tracking.baselines.rectangle_contour import (
+    LEAST_SIZE,
+    QUARTER,
+    contours_of,
+    rectangle_states,
+)
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, predict_place
 from stixel_cli.tracking.prior import PriorShape
@@ -60,9 +65,6 @@ ASIDE_WEIGHT = 0.8
 
 SQUARES = np.array([0, 1, 0]), np.array([0, 1, 1])
 """The factors of v_x², v_y² and v_x v_y."""
-
-LEAST_HALF = 0.1
-"""Least half size, m."""
 
 
 class Estimate(NamedTuple):
@@ -141,7 +143,7 @@ def update(
     shares /= shares.sum()
     parts = [np.stack(part) for part in zip(*(one[0] for one in posteriors), strict=True)]
     kinematic, shape = (kalman.mixture(shares, *parts[i : i + 2]) for i in (0, 2))
-    shape[0][1:] = np.maximum(shape[0][1:], LEAST_HALF)
+    shape[0][1:] = np.maximum(shape[0][1:], LEAST_SIZE)
     return Estimate(*kinematic, *shape), posteriors[int(shares.argmax())][2]
 
 

@@ -21,7 +21,7 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, rectangle_states
+from stixel_cli.tracking.baselines.rectangle_contour import contours_of, rectangle_states, shape_of
 from stixel_cli.tracking.kalman import PLACE, correct
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import MOVING, predict_place
@@ -55,10 +55,7 @@ SCATTER = 2.0 / 3.0
 """z, the scatter about the centre of points even on two sides, over the squared half sizes."""
 
 FEWEST_PAIRS = 4
-"""With fewer pairs of points there is no line through their midpoints: the mean of the points."""
-
-LEAST_WEIGHT = 1e-3
-"""alpha falls no lower: without points the update's X would grow beyond all bounds."""
+"""With fewer pairs of points it is their mean: with 2, scores are not those that are published."""
 
 
 def track(
@@ -80,7 +77,8 @@ def track(
     filtered, nis = Filtered(scans, 8), np.nan
     for scan in filtered:
         mean, covariance = predict_place(mean, covariance, scan.interval, tracker.sigma_q)
-        weight = max(weight * np.exp(-scan.interval / tracker.forgetting_time), LEAST_WEIGHT)
+        # As at the start, X counts as one point or more.
+        weight = max(weight * np.exp(-scan.interval / tracker.forgetting_time), 1.0)
         # A rectangle's area has a third of its squared half sizes as second moments.
         spread = covariance[:2, :2] + extension / 3.0 + scan.covariances
         indices = associate(scan.points, mean[:2], spread, tracker.gate_probability)
@@ -97,7 +95,7 @@ def track(
             weight += len(points)
             extension = weight / (weight + 3.0) * wide
         moving, motion = (mean, covariance), (heading, scan.interval, tracker.sigma_q)
-        states = rectangle_states(moving, _shape_of(extension, weight), *motion)
+        states = rectangle_states(moving, shape_of(extension, weight), *motion)
         heading = states[0][2]
         filtered.add(*states, indices, nis, degrees=2)
     return filtered.track(contours_of(*filtered.states, prior))
@@ -149,19 +147,3 @@ def measured_centre(
     rays = ends - sensor
     away = np.einsum("ei,ei->e", rays, ends - middle) / (rays @ direction)
     return middle + away.mean() * direction
-
-
-def _shape_of(extension: np.ndarray, weight: float) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (3,) and covariance (3, 3) of the longer axis's angle, rad, and of the half sizes, m.
-
-    To first order an inverse Wishart density gives a half size a, b the variance
-    a² / (2 (alpha + 3)), and the direction a² b² / ((alpha + 3) (a² - b²)²), which is at most that
-    of a direction that is quite unknown within a quarter turn.
-    """
-    squares, axes = np.linalg.eigh(extension)
-    squares, along = squares[::-1], axes[:, 1]
-    apart = (weight + 3.0) * (squares[0] - squares[1]) ** 2
-    unknown = QUARTER**2 / 12.0
-    of_angle = squares.prod() / max(apart, squares.prod() / unknown)
-    mean = np.array([np.arctan2(along[1], along[0]), *np.sqrt(squares)])
-    return mean, np.diag([of_angle, *squares / (2.0 * (weight + 3.0))])

@@ -41,9 +41,9 @@ class PointParameters:
     lag: Annotated[int, Ge(0)] | None
 
 
-CENTROID_OFFSET = 0.7
-"""Standard deviation, along each axis, of the distance from the centre to the centroid of the
-visible side, in radii of the circle."""
+CENTROID_OFFSET = np.pi / 4.0
+"""Standard deviation of the centroid along each axis, in radii of the circle: so far from the
+centre is the centroid of points that a distant sensor sees, even across its rays."""
 
 
 def class_circle(prior: PriorShape) -> tuple[float, float]:
@@ -97,7 +97,7 @@ def track(
             heading = (states[k, 2], spreads[k, 2, 2])
         _, directions = contour_directions(states[:, 2])
         shift = shift_variances(directions, spreads)
-        contours = states[:, None, :2] + radius * directions, directions, np.sqrt(std**2 + shift)
+        contours = states[:, None, :2] + radius * directions, np.sqrt(std**2 + shift)
         return filtered.track(contours, (states, spreads))
 
     track = reported(*filtered.states)

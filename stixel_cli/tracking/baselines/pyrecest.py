@@ -13,19 +13,20 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from stixel_cli.errors import located
-from stixel_cli.geometry.pose import rotation, world_from_target, wrap_angle
+from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
+from stixel_cli.tracking.baselines.rectangle_contour import LEAST_SIZE, rectangle_states, shape_of
 from stixel_cli.tracking.kalman import PLACE
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import MOVING, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
-from stixel_cli.tracking.track import InitialState, Track, contour_directions, directions_of
+from stixel_cli.tracking.track import InitialState, Track, contour_directions
 
 STAR_CONVEX = ("full_scgp", "decorrelated_scgp", "ekf_spline")
 ELLIPSES = ("mem_qkf", "mem_ekf_star", "vbrm", "ggiw", "factorised_giw")
-Name = Literal[(*STAR_CONVEX, "fourier_rhm", *ELLIPSES)]
+Name = Literal[(*STAR_CONVEX, *ELLIPSES)]
 
 
 @parameters
@@ -49,17 +50,12 @@ class PyRecEstParameters:
     basis_points: Annotated[int, Ge(4), Le(200)]
 
 
-HARMONICS = 4
-"""Of the Fourier series of `fourier_rhm`: more bend between the points of one visible side."""
+LEAST_DEGREES = 6.0
+"""An inverse Wishart density of matrices (2, 2) has a mean with more degrees of freedom."""
 
 EXTENT_WEIGHT = 10.0
-"""Degrees of freedom above the least with which the class's size counts."""
-
-LEAST_AXIS = 0.05
-"""Least semi-axis of an ellipse, m."""
-
-UNKNOWN_HEADING_STD = 0.3
-"""Of a tracker that does not estimate it, rad."""
+"""Points, or degrees of freedom above the least, as which the class's size counts: the default of
+PyRecEst's `vbrm`."""
 
 
 def track(
@@ -73,8 +69,8 @@ def track(
         UserError: if PyRecEst is not installed.
         ValueError: if it fails, such as after a gap of days.
     """
-    kinds = dict.fromkeys(STAR_CONVEX, _StarConvex) | dict.fromkeys(ELLIPSES, _Ellipse)
-    adapted = kinds.get(tracker.name, _FourierSeries)(initial, prior, tracker)
+    kind = _Ellipse if tracker.name in ELLIPSES else _StarConvex
+    adapted = kind(initial, prior, tracker)
     size = np.diag([prior.length**2, prior.width**2]) / 12.0
     added, least = tracker.measurement_std**2 * np.eye(2), 1
     if tracker.name == "factorised_giw":
@@ -92,39 +88,31 @@ def track(
             if len(near):
                 adapted.update(scan.points[near], noises[near])
                 mean, covariance = adapted.estimate()
-            filtered.add(mean, covariance, near, degrees=0)
+            filtered.add(mean[:6], covariance[:6, :6], near, degrees=0)
             contours.append(adapted.contour())
     except np.linalg.LinAlgError as error:
         raise ValueError(f"{tracker.name} of PyRecEst failed at scan {scan.k}: {error}") from error
     means, covariances = filtered.states
     means[:, 2], contours = np.unwrap(means[:, 2]), np.array(contours)
     std = np.full(contours.shape[:2], np.hypot(prior.sigma_f, prior.sigma_r))
-    return filtered.track((contours, directions_of(contours, means), std), (means, covariances))
+    return filtered.track((contours, std), (means, covariances))
 
 
 def _filters() -> ModuleType:
     """The module of PyRecEst that has the filters."""
     needs = "tracker=pyrecest needs PyRecEst: pip install 'stixel[peers]'"
     with located(needs, caught=ImportError):
-        # Without the first, the module of the Fourier series cannot be imported.
-        import pyrecest.distributions
         import pyrecest.filters
     return pyrecest.filters
 
 
-class _Adapted:
-    """A tracker: it predicts by an interval in s, and updates by points with covariances.
+class _StarConvex:
+    """A shape in the target's frame; the state: x, y, heading, speed, turn rate, and the shape.
 
-    They are (n, 2) m and (n, 2, 2) m². Its estimate is the mean (6,) and covariance (6, 6) of the
-    six states, its contour (M, 2) m in the world.
+    Like `_Ellipse`, it predicts by an interval in s, and updates by points (n, 2) m with
+    covariances (n, 2, 2) m². Its estimate is a mean and a covariance whose first six states are
+    those of a track, its contour (M, 2) m in the world.
     """
-
-    def contour(self) -> np.ndarray:
-        return np.asarray(self._filter.get_contour_points(120))
-
-
-class _StarConvex(_Adapted):
-    """A shape in the target's frame; the state: x, y, heading, speed, turn rate, and the shape."""
 
     def __init__(self, initial: InitialState, prior: PriorShape, tracker: PyRecEstParameters):
         filters, self._tracker = _filters(), tracker
@@ -167,6 +155,9 @@ class _StarConvex(_Adapted):
         matrix[3:5, 2] = -mean[4], mean[3]
         return mean, matrix @ spread @ matrix.T
 
+    def contour(self) -> np.ndarray:
+        return np.asarray(self._filter.get_contour_points(120))
+
 
 def _along(heading: float) -> np.ndarray:
     """(6, 5): six states as a function of x, y, heading, speed along it, and turn rate."""
@@ -175,63 +166,14 @@ def _along(heading: float) -> np.ndarray:
     return matrix
 
 
-class _FourierSeries(_Adapted):
-    """A shape in the world's frame, and x, y: it has no velocity, which this class adds.
-
-    The position moves by the smoothed differences of the last positions. The heading is that of
-    the initial state.
-    """
-
-    def __init__(self, initial: InitialState, prior: PriorShape, tracker: PyRecEstParameters):
-        angles = 2.0 * np.pi * np.arange(256) / 256
-        series = np.fft.rfft(prior_radii(prior, angles - initial.mean[2]))[: HARMONICS + 1] / 128
-        waves = np.stack([series.real, -series.imag], axis=1)[1:]
-        self._filter = _filters().FourierRHMTracker(
-            HARMONICS,
-            fourier_coefficients=np.array([series[0].real, *waves.ravel()]),
-            kinematic_state=initial.mean[:2],
-            coefficient_covariance=prior.sigma_f**2 + prior.sigma_r**2,
-            kinematic_covariance=initial.covariance[:2, :2],
-            # Measured points are on the contour, not inside.
-            scale_mean=1.0,
-            scale_variance=1e-3,
-        )
-        self._initial, self._tracker = initial, tracker
-        self._velocity = initial.mean[3:5]
-
-    def predict(self, interval: float) -> None:
-        self._before, self._elapsed = self._filter.kinematic_state.copy(), interval
-        count = len(self._filter.covariance)
-        noise, moved = np.zeros((count, count)), np.zeros(count)
-        drift = self._initial.covariance[3:5, 3:5] * interval**2
-        noise[-2:, -2:] = drift + self._tracker.sigma_q**2 * interval**3 * np.eye(2)
-        moved[-2:] = interval * self._velocity
-        self._filter.predict_linear(np.eye(count), sys_noise=noise, inputs=moved)
-
-    def update(self, points: np.ndarray, noises: np.ndarray) -> None:
-        self._filter.update(points.T, noises.mean(axis=0))
-        if self._elapsed > 0.0:
-            moved = (self._filter.kinematic_state - self._before) / self._elapsed
-            self._velocity = 0.7 * self._velocity + 0.3 * moved
-
-    def estimate(self) -> tuple[np.ndarray, np.ndarray]:
-        heading, covariance = self._initial.mean[2], self._initial.covariance.copy()
-        covariance[:2, 2:], covariance[2:, :2] = 0.0, 0.0
-        covariance[:2, :2] = self._filter.covariance[-2:, -2:]
-        covariance[2, 2] = max(covariance[2, 2], UNKNOWN_HEADING_STD**2)
-        mean = np.array([*self._filter.kinematic_state, heading, *self._velocity, 0.0])
-        return mean, covariance
-
-
-class _Ellipse(_Adapted):
+class _Ellipse:
     """An ellipse; the state is x, y and their rates, and the ellipse.
 
     It is uniformly filled, so its covariance is a quarter of the squared semi-axes.
     """
 
     def __init__(self, initial: InitialState, prior: PriorShape, tracker: PyRecEstParameters):
-        filters = _filters()
-        self._tracker, self._name = tracker, tracker.name
+        filters, self._tracker = _filters(), tracker
         self._heading, heading_variance = float(initial.mean[2]), float(initial.covariance[2, 2])
         axes = 0.5 * np.array([prior.length, prior.width])
         variance = prior.sigma_f**2 + prior.sigma_r**2
@@ -239,64 +181,59 @@ class _Ellipse(_Adapted):
         spread = np.diag([heading_variance, variance, variance])
         turn = rotation(self._heading)
         extent = turn @ np.diag(axes**2 / 4.0) @ turn.T
-        weight = 6.0 + EXTENT_WEIGHT
+        weight = LEAST_DEGREES + EXTENT_WEIGHT
         kind, *shape = {
             "mem_qkf": (filters.MEMQKFTracker, oriented, spread),
             "mem_ekf_star": (filters.MEMEKFStarTracker, oriented, spread),
-            "vbrm": (filters.VBRMTracker, oriented, heading_variance, 10.0, None),
+            "vbrm": (filters.VBRMTracker, oriented, heading_variance, EXTENT_WEIGHT, None),
             "ggiw": (filters.GGIWTracker, extent, weight, 10.0, 1.0),
             "factorised_giw": (filters.FactorizedGIWRMTracker, weight, EXTENT_WEIGHT * extent),
-        }[self._name]
+        }[tracker.name]
         start = initial.mean[MOVING].copy(), initial.covariance[np.ix_(MOVING, MOVING)]
         self._filter = kind(*start, *shape, PLACE)
 
     def predict(self, interval: float) -> None:
         chosen, tracker = np.ix_(MOVING, MOVING), self._tracker
-        matrix = transition(interval)[chosen]
+        matrix, self._interval = transition(interval)[chosen], interval
         noise = process_noise(interval, tracker.sigma_q, 0.0)[chosen] + 1e-12 * np.eye(4)
         turned = tracker.sigma_q_psi**2 * interval
-        if self._name == "factorised_giw":
+        if tracker.name == "factorised_giw":
             self._filter.predict(interval, noise, system_matrix=matrix)
             return
         of_shape = {
             "ggiw": {"extent_forgetting_factor": 0.98},
             "vbrm": {"orientation_sys_noise": turned},
-        }.get(self._name, {"shape_sys_noise": np.diag([turned, 0.0, 0.0])})
+        }.get(tracker.name, {"shape_sys_noise": np.diag([turned, 0.0, 0.0])})
         self._filter.predict_linear(matrix, noise, **of_shape)
 
     def update(self, points: np.ndarray, noises: np.ndarray) -> None:
         # Two points are read as columns.
         self._filter.update(points.T, PLACE, noises.mean(axis=0))
-        if self._name == "mem_ekf_star":
+        if self._tracker.name == "mem_ekf_star":
             # Its update can make a semi-axis negative, which its prediction refuses.
-            semi_axes = self._filter.shape_state[1:]
-            self._filter.shape_state[1:] = np.maximum(np.abs(semi_axes), LEAST_AXIS)
+            semi_axes = np.abs(self._filter.shape_state[1:])
+            self._filter.shape_state[1:] = np.maximum(semi_axes, 0.5 * LEAST_SIZE)
 
-    def _oriented(self) -> tuple[float, float, np.ndarray]:
-        """Direction of the first axis, rad, its variance, rad², and the semi-axes (2,) m."""
-        filter_ = self._filter
-        if self._name in ("ggiw", "factorised_giw"):
-            roots, vectors = np.linalg.eigh(filter_.extent)
-            semi_axes = 2.0 * np.sqrt(np.maximum(roots[::-1], 0.0))
-            return np.arctan2(*vectors[::-1, 1]), UNKNOWN_HEADING_STD**2, semi_axes
-        of_vbrm, (angle, *semi) = self._name == "vbrm", filter_.get_point_estimate_shape()
-        variance = filter_.orientation_variance if of_vbrm else filter_.shape_covariance[0, 0]
-        return float(angle), variance, np.abs(semi)
+    def _shape(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (3,) and covariance (3, 3) of the first axis's angle, rad, and the semi-axes, m."""
+        estimate, name = self._filter, self._tracker.name
+        if name in ("ggiw", "factorised_giw"):
+            degrees = "extent_degrees_of_freedom" if name == "ggiw" else "extent_dof"
+            return shape_of(4.0 * estimate.extent, getattr(estimate, degrees) - LEAST_DEGREES)
+        mean = estimate.get_point_estimate_shape()
+        if name == "vbrm":
+            return mean, np.diag([estimate.orientation_variance, 0.0, 0.0])
+        return mean, estimate.shape_covariance
 
     def estimate(self) -> tuple[np.ndarray, np.ndarray]:
-        angle, variance, _ = self._oriented()
-        mean, velocity = np.zeros(6), self._filter.kinematic_state[2:]
-        # An ellipse does not know which end of its axis is the front.
-        moving = np.hypot(*velocity) > 0.3
-        towards = np.arctan2(velocity[1], velocity[0]) if moving else self._heading
-        back = abs(float(wrap_angle(angle - towards))) > 0.5 * np.pi
-        mean[MOVING], mean[2] = self._filter.kinematic_state, angle + (np.pi if back else 0.0)
-        covariance = np.diag([0.0, 0.0, variance, 0.0, 0.0, self._tracker.sigma_q_psi**2])
-        covariance[np.ix_(MOVING, MOVING)] = self._filter.covariance
-        return mean, covariance
+        moving = self._filter.kinematic_state, self._filter.covariance
+        motion = self._heading, self._interval, self._tracker.sigma_q
+        states = rectangle_states(moving, self._shape(), *motion)
+        self._heading = states[0][2]
+        return states
 
     def contour(self) -> np.ndarray:
         # Counter-clockwise; the first axis is along the heading.
-        angles, _ = contour_directions(np.zeros(1))
-        points = np.stack([np.cos(angles), np.sin(angles)], axis=1) * self._oriented()[2]
-        return world_from_target(points, self.estimate()[0])
+        mean, _ = self.estimate()
+        _, (circle,) = contour_directions(np.zeros(1))
+        return world_from_target(0.5 * mean[6:] * circle, mean[:3])

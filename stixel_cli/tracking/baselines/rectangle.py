@@ -15,8 +15,8 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.parameters import parameters
-from stixel_cli.tracking.association import associate, uncut
-from stixel_cli.tracking.baselines.rectangle_contour import NORMALS, contours_of
+from stixel_cli.tracking.association import GATE, associate, uncut
+from stixel_cli.tracking.baselines.rectangle_contour import LEAST_SIZE, NORMALS, contours_of
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import predict, process_noise, velocity_across
@@ -46,14 +46,8 @@ class RectangleParameters:
     corner_std: Annotated[float, Ge(1e-6), Le(10)]
 
 
-LEAST_SIZE = 0.1
-"""Least length and width, m."""
-
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 """Signs of the corners, counter-clockwise."""
-
-ENDS_POINTS = 3
-"""With fewer points than this, the distance of neighbouring rays is not known: no ends."""
 
 
 class Rows(NamedTuple):
@@ -76,12 +70,16 @@ def track(
     heading, their rates, length and width. Each point has one degree of freedom, each end of the
     target that is used has one, and so has the velocity across the heading.
     """
+    from statistics import NormalDist
+
     size, fullness = np.array([prior.length, prior.width]), fullness_of(prior)
     mean = np.concatenate([initial.mean, size])
     covariance = np.pad(initial.covariance, (0, 2))
     covariance[[6, 7], [6, 7]] = (size * [prior.length_std, prior.width_std]) ** 2
     of_sides = np.diag([0.0] * 8 + [tracker.side_std**2] * 4)
     filtered = Filtered(scans, 8)
+    # So many standard deviations of one scalar have the gate's probability.
+    widest = NormalDist().inv_cdf(0.5 + 0.5 * GATE)
     for scan in filtered:
         noise = process_noise(scan.interval, tracker.sigma_q, tracker.sigma_q_psi)
         # The size stays, as radii do that nothing forgets.
@@ -97,8 +95,7 @@ def track(
             # The errors of the four sides are further states.
             whole = np.pad(covariance, (0, 4)) + of_sides
             predicted = np.einsum("mi,ij,mj->m", measured.matrix, whole, measured.matrix)
-            # Chi-square of one degree of freedom, at the probability 0.99.
-            kept = measured.innovations**2 <= 6.6348966 * (predicted + measured.variances)
+            kept = np.abs(measured.innovations) <= widest * np.sqrt(predicted + measured.variances)
             indices = indices[kept[: len(indices)]]
         if len(indices):
             innovations, matrix, variances = (part[kept] for part in measured)
@@ -174,7 +171,8 @@ def _ends(
     field_of_view: FieldOfView | None,
 ) -> Rows:
     """The rows of the right and the left end of the target, as the sensor sees it."""
-    if len(points_world) < ENDS_POINTS:
+    # Of two points both would be ends, at any distance of neighbouring rays.
+    if len(points_world) < 3:
         return Rows(np.zeros(0), np.zeros((0, 12)), np.zeros(0))
     offsets = points_world - sensor_pose[:2]
     bearings = wrap_angle(np.arctan2(offsets[:, 1], offsets[:, 0]) - sensor_pose[2])

@@ -13,6 +13,9 @@ NORMALS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 SHAPE = np.array([2, 6, 7])
 """Indices of heading, length and width in the eight states."""
 
+LEAST_SIZE = 0.1
+"""Least length, width or half of them that an update leaves, m."""
+
 QUARTER = 0.5 * np.pi
 
 
@@ -22,8 +25,8 @@ def contours_of(
     prior: PriorShape,
     side_std: float = 0.0,
     points: int = 240,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Contours (K, M, 2) m, directions (K, M, 2) and std (K, M) m of K rectangles; see `Track`.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Contours (K, M, 2) m and std (K, M) m of K rectangles; see `Track`.
 
     With b the angle from a side's normal n to the direction p, a ray from the estimated centre
     meets the side at r = h / cos b, and a change of the state moves this by
@@ -47,7 +50,7 @@ def contours_of(
     cosine = np.einsum("kmi,mi->km", normals, body)
     of_class = (reach_of_class - prior_radii(prior, angles)) ** 2
     std = np.sqrt(np.maximum(moved, 0.0) / cosine**2 + of_class)
-    return means[:, None, :2] + radii[..., None] * directions, directions, std
+    return means[:, None, :2] + radii[..., None] * directions, std
 
 
 def rectangle_states(
@@ -81,3 +84,19 @@ def rectangle_states(
     covariance[np.ix_(SHAPE, SHAPE)] = of_shape
     covariance[2, 2] = min(covariance[2, 2], GREATEST_VARIANCE)
     return mean, covariance
+
+
+def shape_of(extension: np.ndarray, weight: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (3,) and covariance (3, 3) of the longer axis's angle, rad, and of the half sizes, m.
+
+    To first order an inverse Wishart density gives a half size a, b the variance
+    a² / (2 (alpha + 3)), and the direction a² b² / ((alpha + 3) (a² - b²)²), which is at most that
+    of a direction that is quite unknown within a quarter turn.
+    """
+    squares, axes = np.linalg.eigh(extension)
+    squares, along = squares[::-1], axes[:, 1]
+    apart = (weight + 3.0) * (squares[0] - squares[1]) ** 2
+    unknown = QUARTER**2 / 12.0
+    of_angle = squares.prod() / max(apart, squares.prod() / unknown)
+    mean = np.array([np.arctan2(along[1], along[0]), *np.sqrt(squares)])
+    return mean, np.diag([of_angle, *squares / (2.0 * (weight + 3.0))])

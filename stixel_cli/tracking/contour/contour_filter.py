@@ -37,7 +37,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.scene.parameters import CLASS_ROWS, ClassRow
-from stixel_cli.tracking.consider import NODES, JointCovariance
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, associate, at_heights
@@ -55,7 +55,7 @@ from stixel_cli.tracking.contour.contour_update import (
     Hypothesis,
     Measurement,
 )
-from stixel_cli.tracking.contour.residual import Residual
+from stixel_cli.tracking.contour.residual import NODES, Residual
 from stixel_cli.tracking.kalman import smooth
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import OTHER, InitialState, Track
@@ -90,7 +90,7 @@ class ClassFilter:
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
         self._size_stds = np.array([tracker.length_std, tracker.width_std])
         mean, covariance = start(initial, prior, shape, tracker, sight.residual)
-        joint = JointCovariance(covariance, np.full(face_errors, np.inf))
+        joint = JointCovariance(covariance, face_errors)
         self._hypotheses = [Hypothesis((mean, covariance, joint))]
         self._size = len(mean)
         self._reported: list[Hypothesis] = []
@@ -150,7 +150,7 @@ class ClassFilter:
         mean, covariance, joint = one.state
         mean, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
         covariance, joint = matrix @ covariance @ matrix.T + noise, joint.copy()
-        joint.predict(matrix, noise, interval)
+        joint.predict(matrix, noise)
         prediction = mean, covariance, joint
         rays = self._at_heights(rays, mean)
         indices = associate(
@@ -244,14 +244,7 @@ def log_weight(
     speed_variance: float,
     road_user: str,
 ) -> float:
-    """Log weight of a class, see `contour.py`; -1e9 if it is not finite.
-
-    Args:
-        sum_of_log_likelihoods: over the scans.
-        size_deviation: d.
-        speed, speed_variance: v in m/s and V.
-        road_user: the class.
-    """
+    """Log weight of a class, see `contour.py`: d, v in m/s and V; -1e9 if it is not finite."""
     variance = class_row(road_user).speed ** 2 + speed_variance
     weight = sum_of_log_likelihoods - 0.5 * (
         size_deviation**2 + speed**2 / variance + np.log(variance)

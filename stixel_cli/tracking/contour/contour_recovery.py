@@ -17,7 +17,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.clusters import cluster
-from stixel_cli.tracking.consider import NODES, JointCovariance
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
 from stixel_cli.tracking.contour.contour_update import (
@@ -26,6 +26,7 @@ from stixel_cli.tracking.contour.contour_update import (
     Hypothesis,
     Measurement,
 )
+from stixel_cli.tracking.contour.residual import NODES
 
 RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""

@@ -18,15 +18,14 @@ def contours_of(
     shape: ClassShape,
     points: int,
     residual: Residual,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Contours (K, M, 2) m, directions (K, M, 2) and standard deviations (K, M) m of K states.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Contours (K, M, 2) m and standard deviations (K, M) m of K states.
 
     The outline of the class, scaled, at M = `points` even angles of the state's heading. A change
     of the state moves a contour's point by w; the contour then crosses the same ray from the
     reported centre farther by nᵀw / nᵀp, with the normal n and the ray's direction p.
     """
-    angles, directions = contour_directions(means[:, 2], points)
-    unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    angles, (unit,) = contour_directions(np.zeros(1), points)
     stds = np.interp(angles, *_polar(shape.outline, shape.outline_stds), period=2.0 * np.pi)
     centres = np.zeros((len(means), 2))
     radii = np.empty((len(means), points))
@@ -49,7 +48,7 @@ def contours_of(
     variances = np.einsum("kmi,kmi->km", slopes @ covariances, slopes)
     of_shape = np.maximum(stds, OUTLINE_STD) ** 2
     contours = means[:, None, :2] + bodies @ turns.transpose(0, 2, 1)
-    return contours, directions, np.sqrt(np.maximum(variances, 0.0) + of_shape)
+    return contours, np.sqrt(np.maximum(variances, 0.0) + of_shape)
 
 
 def box_sizes(means: np.ndarray, shape: ClassShape, residual: Residual) -> np.ndarray:
