@@ -12,10 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_601
+TOTAL = 44_589
 """Greatest number of lines in all."""
 
-MODULES = 240
+MODULES = 239
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 5991,
+    "tracking": 5979,
     "validation": 1283,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
