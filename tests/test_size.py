@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_589
+TOTAL = 44_585
 """Greatest number of lines in all."""
 
 MODULES = 239
@@ -39,13 +39,13 @@ BUDGET = {
     "rendering": 2154,
     "report": 735,
     "results": 1347,
-    "scene": 3147,
+    "scene": 3155,
     "stereo": 451,
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 5979,
-    "validation": 1283,
+    "tracking": 5957,
+    "validation": 1293,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

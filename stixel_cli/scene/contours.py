@@ -88,9 +88,17 @@ def road_user_contours(road_user: RoadUser) -> np.ndarray:
     moving = moving_parts(road_user)
     rest = seen_from_above([p for p in meshes[0] if p.name not in moving])
     limbs = [seen_from_above([p for p in mesh if p.name in moving]) for mesh in meshes]
-    contours = [polygon_of(shapely.union(rest, one, grid_size=GRID)) for one in limbs]
+    contours = [polygon_of(_both(rest, one)) for one in limbs]
     count = max(len(contour) for contour in contours)
     return np.stack([_with_vertices(contour, count) for contour in contours])
+
+
+def _both(rest: shapely.Geometry, limbs: shapely.Geometry) -> shapely.Geometry:
+    try:
+        return shapely.union(rest, limbs, grid_size=GRID)
+    except shapely.GEOSException:
+        # Of a few shapes, such as a cyclist of `shape_seed=1068`.
+        return shapely.union_all([rest, limbs], grid_size=GRID)
 
 
 def _with_vertices(contour: np.ndarray, count: int) -> np.ndarray:

@@ -106,26 +106,36 @@ BODY = 2
 def height_insets_of(road_users: Sequence[Sequence[Mesh]]) -> np.ndarray:
     """How far inside its box a class is at each height: `class_shape.height_insets`.
 
-    Of each road user the mean over its limb poses; 41 points of each edge. Above it, as at its top.
-    Sides are compared with those at `BODY`: a car's mirrors are wider.
+    Of each road user the mean over its limb poses. A roof closes at the next height above it; those
+    above count for none but the taller ones. Sides are compared with those at `BODY`: a car's
+    mirrors are wider.
     """
-    found, share = [], np.linspace(0.0, 1.0, 41)[:, None]
+    found = []
     for meshes in road_users:
-        of_poses = []
-        for begin in (corners(mesh)[..., None, :] for mesh in meshes):
-            edges = share * begin + (1.0 - share) * np.roll(begin, -1, axis=1)
-            x, y, z = edges.reshape(-1, 3).T
-            slab = np.abs(z[:, None] - HEIGHTS).argmin(axis=1)
-            reach = np.full((3, len(HEIGHTS)), -np.inf)
-            np.maximum.at(reach, np.s_[:, slab], [-x, x, np.abs(y)])
-            top = np.flatnonzero(np.isfinite(reach[0])).max()
-            reach[:, top:] = reach[:, top : top + 1]
-            of_poses.append(reach)
-        reach = np.mean(of_poses, axis=0)
+        reach = np.ma.mean([_reach_at_heights(corners(mesh)) for mesh in meshes], axis=0)
         widest = reach.max(axis=1, keepdims=True)
         widest[2] = reach[2, BODY]
-        found.append(np.maximum(widest - reach, 0.0))
-    return np.stack([np.mean(found, axis=0), np.std(found, axis=0)], axis=1)
+        found.append(np.ma.maximum(widest - reach, 0.0))
+    insets = np.ma.stack([np.ma.mean(found, axis=0), np.ma.std(found, axis=0)], axis=1)
+    known = np.flatnonzero(~insets.mask.any(axis=(0, 1)))
+    return insets.data[..., np.minimum(np.arange(len(HEIGHTS)), known.max())]
+
+
+def _reach_at_heights(triangles: np.ndarray) -> np.ma.MaskedArray:
+    """How far (3, 16) m `triangles` (n, 3, 3) m reach to the rear, front and sides at `HEIGHTS`.
+
+    0 at the next height above them, and masked higher up.
+    """
+    edges = np.roll(triangles, -1, axis=1) - triangles
+    begin, edge = triangles.reshape(-1, 3, 1), edges.reshape(-1, 3, 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (HEIGHTS - begin[:, 2]) / edge[:, 2]
+        x, y = (begin[:, axis] + share * edge[:, axis] for axis in (0, 1))
+    cut = (share >= 0.0) & (share <= 1.0)
+    reach = np.stack([np.where(cut, one, -np.inf).max(axis=0) for one in (-x, x, np.abs(y))])
+    top = np.flatnonzero(cut.any(axis=0)).max()
+    reach[:, top + 1 : top + 2] = 0.0
+    return np.ma.masked_invalid(reach)
 
 
 def visible_outline_of(scenarios: Sequence[Scenario], shape: ClassShape) -> VisibleShape:

@@ -19,7 +19,7 @@ from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import predict, start
-from stixel_cli.tracking.contour.contour_rays import gate_widths, rays_of, sight_of
+from stixel_cli.tracking.contour.contour_rays import NEAR, rays_of, sight_of
 from stixel_cli.tracking.contour.contour_report import (
     OUTLINE_STD,
     SIDEWAYS,
@@ -327,5 +327,5 @@ def test_what_a_scan_does_to_the_joint_covariance_is_the_dense_update(form):
     assert_allclose(after.state[2].matrix, expected, atol=1e-12)
     assert after.degrees == used.sum()
     assert after.nis == pytest.approx(innovations @ np.linalg.solve(density.cov, innovations))
-    gates = np.log(gate_widths(rays, tracker)).sum()
+    gates = np.log(2.0 * (NEAR + tracker.gate_std * rays.stds)).sum()
     assert after.log_likelihood - gates == pytest.approx(density.logpdf(innovations))

@@ -145,17 +145,35 @@ def test_above_its_bonnet_a_car_ends_farther_inside():
     van = body_of(low, [[-2.0, -0.9, 0.68], [0.8, 0.9, 1.4]])
     rear, front, sides = height_insets_of([[saloon]])
     assert not rear[1].any() and not front[1].any() and not sides[1].any()
-    of_cabin = (HEIGHTS > 0.7) & (np.abs(HEIGHTS - 0.9) > 0.06)
-    np.testing.assert_allclose(sides[0], 0.2 * of_cabin, atol=1e-9)
-    np.testing.assert_allclose(rear[0], np.where(HEIGHTS < 0.7, 0.0, 1.0), atol=1e-9)
-    np.testing.assert_allclose(front[0], np.where(HEIGHTS < 0.7, 0.0, 1.2), atol=1e-9)
+    mirror, closed = np.abs(HEIGHTS - 0.95) < 0.01, HEIGHTS > 1.4
+    of_cabin = np.where(HEIGHTS < 0.7, 0.0, np.where(closed, 0.9, 0.2))
+    np.testing.assert_allclose(sides[0], np.where(mirror, 0.0, of_cabin), atol=1e-9)
+    # Where it has no body, its roof was the last that was seen of it.
+    for face, inset in ((rear, 1.0), (front, 1.2)):
+        of_cabin = np.where(HEIGHTS < 0.7, 0.0, np.where(closed, 2.0, inset))
+        np.testing.assert_allclose(face[0], of_cabin, atol=1e-9)
     # Of both, half are so far inside; and of two poses of the limbs, the mean counts.
     rear, front, _ = height_insets_of([[saloon], [van]])
     np.testing.assert_allclose(rear[:, 8], [0.5, 0.5], atol=1e-9)
     np.testing.assert_allclose(front[:, 8], [1.2, 0.0], atol=1e-9)
     of_all = height_insets_of([[saloon, van]])
     np.testing.assert_allclose(of_all[0, :, 8], [0.5, 0.0], atol=1e-9)
-    assert of_all.size == len(CLASS_SHAPES["car"]["height_insets"])
+
+
+def test_a_face_that_slopes_is_as_far_inside_as_at_the_height_itself():
+    """A windscreen rises by .26 m a metre: the outermost of a slab is .2 m farther out."""
+    base = [[-2.0, -0.9, 0.35], [2.0, -0.9, 0.35], [2.0, 0.9, 0.35], [-2.0, 0.9, 0.35]]
+    roof = [[-2.0, -0.9, 1.3], [-1.6, -0.9, 1.3], [-1.6, 0.9, 1.3], [-2.0, 0.9, 1.3]]
+    solid = trimesh.convex.convex_hull(np.array(base + roof))
+    corners, texture = np.zeros((len(solid.faces), 3, 2)), np.zeros((1, 1, 3), np.uint8)
+    wedge = Part(np.array(solid.vertices), np.array(solid.faces), corners, texture, "body")
+    _, front, _ = height_insets_of([[(wedge,)]])
+    below = HEIGHTS < 1.3
+    np.testing.assert_allclose(front[0, below], (HEIGHTS[below] - 0.35) * 3.6 / 0.95, atol=1e-9)
+    # A van is taller: above the wedge it alone counts.
+    _, front, _ = height_insets_of([[(wedge,)], [body_of([[-2.0, -0.9, 0.2], [2.0, 0.9, 1.9]])]])
+    assert front[:, -1].tolist() == [0.0, 0.0]
+    assert front.size * 3 == len(CLASS_SHAPES["car"]["height_insets"])
 
 
 def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):

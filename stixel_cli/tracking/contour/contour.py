@@ -6,14 +6,14 @@ The classes are equally probable at first. After the scans up to k, the log weig
 
 The likelihood is that of the measurements that the class's filter used, points and silhouettes, in
 1/m each. The classes gate different points, so each measurement is compared with clutter that is
-even over the gate of the point (`gate_widths`), and has a density of 1/m at an end: a class that
-leaves out a point pays for it as if it were clutter, and points that no class uses cancel. At one
-density for all, the far points of a car, uncertain by 1 m, are less likely than clutter, and its
-front becomes a pedestrian. Size and speed are facts of the state, not of a scan, so they count
-once: d is how far the estimated length or width is from the mean of the class, in its standard
-deviations; v is the speed, V its variance, and s how fast the class moves. Seen from the front,
-little but the speed separates cyclists from pedestrians. A start with the sensor's motion has a
-speed that says nothing yet: V is large.
+even over the gate of a point of a target whose place is known, and has a density of 1/m at an end:
+a class that leaves out a point pays for it as if it were clutter, and points that no class uses
+cancel. At one density for all, the far points of a car, uncertain by 1 m, are less likely than
+clutter, and its front becomes a pedestrian. Size and speed are facts of the state, not of a scan,
+so they count once: d is how far the estimated length or width is from the mean of the class, in its
+standard deviations; v is the speed, V its variance, and s how fast the class moves. Seen from the
+front, little but the speed separates cyclists from pedestrians. A start with the sensor's motion
+has a speed that says nothing yet: V is large.
 """
 
 from collections.abc import Mapping, Sequence

@@ -244,14 +244,7 @@ def log_weight(
     speed_variance: float,
     road_user: str,
 ) -> float:
-    """Log weight of a class, see `contour.py`; -1e9 if it is not finite.
-
-    Args:
-        sum_of_log_likelihoods: over the scans.
-        size_deviation: d.
-        speed, speed_variance: v in m/s and V.
-        road_user: the class.
-    """
+    """Log weight of a class, see `contour.py`: d, v in m/s and V; -1e9 if it is not finite."""
     variance = class_row(road_user).speed ** 2 + speed_variance
     weight = sum_of_log_likelihoods - 0.5 * (
         size_deviation**2 + speed**2 / variance + np.log(variance)

@@ -255,11 +255,6 @@ def associate(
     return np.flatnonzero(inside)
 
 
-def gate_widths(rays: Rays, tracker: ContourParameters) -> np.ndarray:
-    """Widths (n,) m of the gates of rays through a target whose place is known."""
-    return 2.0 * (NEAR + tracker.gate_std * rays.stds)
-
-
 def _of_target(labels: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """Which points (n,) are of a segment that may be the target's.
 

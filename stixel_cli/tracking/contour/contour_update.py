@@ -10,12 +10,7 @@ from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import OUTLINE_STD
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import (
-    Rays,
-    Sight,
-    gate_widths,
-    sampling_inset,
-)
+from stixel_cli.tracking.contour.contour_rays import NEAR, Rays, Sight, sampling_inset
 from stixel_cli.tracking.contour.ray_kernels import Measured, Rows, rows_at
 from stixel_cli.tracking.kalman import Step, correct, normalised_innovation_squared
 
@@ -27,9 +22,6 @@ SEARCHES = 3
 
 CLUTTER = 3.0
 """Log odds against a ray that passes by the shape, at most: then its point is clutter."""
-
-SIZE_STEP = 0.3
-"""Greatest change of a factor of the size in one iteration, relative: slopes are local."""
 
 CONVERGED = 2e-3
 """The iteration ends when no state moves by more than this."""
@@ -126,8 +118,6 @@ class Measurement:
             innovations = rows.errors + rows.matrix @ (iterate - mean)
             change, posterior, _ = correct(covariance, rows.matrix, noise, innovations)
             before, iterate = iterate, mean + change
-            sizes = before[5:7] + np.array([[-SIZE_STEP], [SIZE_STEP]])
-            iterate[5:7] = np.clip(iterate[5:7], *sizes)
             if np.abs(iterate - before).max() < CONVERGED:
                 break
         return Fit(iterate, posterior, rows, innovations, noise)
@@ -175,7 +165,7 @@ class Measurement:
         nis, likelihood = normalised_innovation_squared(
             joint.matrix, matrix[used], noise[used], found.innovations[used]
         )
-        likelihood += np.log(gate_widths(self.rays, self._tracker)).sum()
+        likelihood += np.log(2.0 * (NEAR + self._tracker.gate_std * self.rays.stds)).sum()
         likelihood -= 0.5 * self._tracker.gate_std**2 * self._hidden_ends
         missed = np.minimum(rows.insides, 0.0) ** 2 / measured.miss_variances
         joint = joint.copy()
