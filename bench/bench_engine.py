@@ -9,6 +9,7 @@ import sys
 import time
 from dataclasses import replace
 
+import joblib
 import numpy as np
 import pytest
 from small import sized
@@ -197,7 +198,7 @@ def scores(tmp_path_factory):
 
 @pytest.mark.benchmark(group="write and read a result")
 @pytest.mark.parametrize("what", ["200 MB", "16 MB", "scores"])
-@pytest.mark.parametrize("how", ["pickle", "store"])
+@pytest.mark.parametrize("how", ["pickle", "joblib", "store"])
 def test_write_and_read(benchmark, tmp_path, scores, how, what):
     """The store adds locks, digests and notes."""
     value = scores if what == "scores" else np.zeros(int(what[:-3]) * sized(125_000, 1000))
@@ -208,12 +209,16 @@ def test_write_and_read(benchmark, tmp_path, scores, how, what):
         path.write_bytes(pickle.dumps(value, protocol=5))
         return pickle.loads(path.read_bytes())
 
+    def with_joblib():
+        joblib.dump(value, path)
+        return joblib.load(path)
+
     def with_store():
         key = next(keys)
         store.save(key, value)
         return store.load(key)
 
-    benchmark({"pickle": with_pickle, "store": with_store}[how])
+    benchmark({"pickle": with_pickle, "joblib": with_joblib, "store": with_store}[how])
 
 
 FUNCTIONS = [

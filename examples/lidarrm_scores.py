@@ -31,7 +31,7 @@ from stixel_cli.measurements.file_truth import read_truth
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.baselines.lidar_random_matrix import measured_centre
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.start_scans import start_from_scans
+from stixel_cli.tracking.several import start_from_scans
 from stixel_cli.tracking.track import InitialState
 
 TRACKERS = {

@@ -188,7 +188,7 @@ def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **setti
     """
     from stixel_cli.border.own_code import loaded
     from stixel_cli.experiment.table import TABLE
-    from stixel_cli.tracking.start_scans import start_from_scans
+    from stixel_cli.tracking.several import start_from_scans
 
     chosen = {"prior": prior, "tracker": tracker, "start": "scans"} | settings
     if not any("seen_by" in one for one in chosen) and tracker in ("contour", "gp_ekf"):

@@ -12,21 +12,21 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_594
+TOTAL = 44_592
 """Greatest number of lines in all."""
 
-MODULES = 240
+MODULES = 239
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
     "": 725,
     "answers": 1356,
     "benchmark": 1000,
-    "border": 649,
+    "border": 656,
     "calibration": 559,
     "cli": 2574,
     "config": 2486,
-    "engine": 4045,
+    "engine": 4048,
     "evaluation": 1568,
     "experiment": 1226,
     "export": 695,
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 5969,
+    "tracking": 5957,
     "validation": 1293,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

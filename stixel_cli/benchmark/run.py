@@ -20,7 +20,7 @@ from stixel_cli.experiment.stages import pipeline_stages
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance
 from stixel_cli.tracking.baselines.pyrecest import Name
-from stixel_cli.tracking.start_scans import start_from_scans
+from stixel_cli.tracking.several import start_from_scans
 from stixel_cli.tracking.track import Track
 from stixel_cli.version import __version__
 

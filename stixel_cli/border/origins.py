@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
+from io import BytesIO
 from pathlib import Path, PurePosixPath
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -93,10 +94,16 @@ def imported_file(file: Path, name: str, origin: Origin) -> ModuleType:
 
 
 def unpickled(content: bytes) -> Any:
-    """The object in bytes of the cache, which was admitted, or of this program's own process."""
+    """The object in bytes that this process, its scheduler or its worker has pickled."""
     import pickle
 
     return pickle.loads(content)
+
+
+def cached(content: bytes) -> Any:
+    """The object in the bytes of an entry of the cache, which was admitted."""
+    # Its import takes as long as a few hundred loads; most commands load nothing.
+    return import_module("joblib").load(BytesIO(content))
 
 
 def connected(address: str, patience: float) -> "Client":

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any
 
 from stixel_cli.engine.cache_folder import Lease
@@ -141,6 +142,7 @@ def _prepare(nodes: Sequence[Node], store: Store, progress: Progress) -> None:
     for text in undeclared_reads(nodes) if progress.advice else ():
         progress.note(text)
     if nodes:
+        import_module("joblib")  # Of the store; in a copy of this process as well.
         store.check_writable()
     codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
     save_digests(store.folder)

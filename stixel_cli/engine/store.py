@@ -7,7 +7,6 @@ digest reveals an incomplete entry. The notes have the digest of the value, and 
 
 import json
 import os
-import pickle
 import shutil
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -15,14 +14,14 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border.files import GREATEST_TEXT, file_state, read_bytes
-from stixel_cli.border.origins import unpickled
+from stixel_cli.border.files import GREATEST_TEXT, content_digest, file_state, read_bytes
+from stixel_cli.border.origins import cached
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.errors import CacheError, MissingEntry, writing
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
 from stixel_cli.errors import UserError
 
-VALUE = "value.pickle"
+VALUE = "value.joblib"
 META = "meta.json"
 
 
@@ -69,7 +68,7 @@ class Store:
         with suppress(OSError):
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
-        return unpickled(content)
+        return cached(content)
 
     def meta(self, key: str) -> dict[str, Any]:
         """Read the notes of an entry: stage, label, seconds, size, digest, ….
@@ -94,19 +93,21 @@ class Store:
 
         CacheError if it cannot be written. Nothing of it remains.
         """
+        import joblib
+
         partial = self.folder / "tmp" / f"{key[:16]}-{cache_folder.new_name()}"
         with writing(self.folder), ExitStack() as end:
             # It is in its place by then, or of no use.
             end.callback(shutil.rmtree, partial, ignore_errors=True)
             cache_folder.make_folder(self.folder, "tmp")
             partial.mkdir()
-            content = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
-            (partial / VALUE).write_bytes(content)
-            digest = sha256(content).hexdigest()
-            meta = {**notes, "key": key, "size": len(content), "digest": digest}
+            joblib.dump(value, partial / VALUE)
+            size = (partial / VALUE).stat().st_size
+            digest = content_digest(partial / VALUE, size)
+            meta = {**notes, "key": key, "size": size, "digest": digest}
             (partial / META).write_bytes(_notes_content(meta))
             self._put_in_place(partial, self.entry(key))
-        return len(content)
+        return size
 
     @contextmanager
     def lock(self, key: str) -> Iterator[None]:
@@ -202,7 +203,7 @@ class Store:
                 self.remove(entry.name)
 
 
-_OWN_DIGEST = b'{\n "digest_of_notes": "'
+_OWN_DIGEST = b'{\n "notes_digest": "'
 _OWN_DIGEST_END = b'",'
 
 

@@ -144,7 +144,7 @@ TABLE: dict[str, Definition] = {
         seeded=True,
     ),
     "truth_start": stage("tracking.start:noisy_start", "start", seeded=True),
-    "scans_start": stage("tracking.start_scans:start_from_scans", "start prior"),
+    "scans_start": stage("tracking.several:start_from_scans", "start prior"),
     "find_tracks": stage("tracking.several:find_tracks", "prior start"),
     "track": stage(
         by_kind(Tracker, "track"),

@@ -35,7 +35,7 @@ from stixel_cli.version import __version__
 FILE = "lineage.json"
 PACKAGES = (
     *("numpy", "scipy", "numba", "opencv-python-headless", "open3d-cpu", "open3d", "shapely"),
-    *("matplotlib", "hydra-core"),
+    *("matplotlib", "joblib", "hydra-core"),
 )
 
 LARGEST_DIFFERENCE = 1_000_000

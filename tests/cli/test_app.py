@@ -92,7 +92,7 @@ def test_every_command_has_a_help(command, capsys):
         ),
         (
             "from stixel_cli.config.compose import compose; compose(['seed=1'])",
-            "scipy cv2 numba matplotlib open3d shapely",
+            "scipy cv2 numba matplotlib open3d shapely joblib",
         ),
         (
             "from stixel_cli.border.origins import TYPED\n"

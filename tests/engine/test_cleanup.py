@@ -46,7 +46,7 @@ def test_entries(store):
     assert found[0].last_use == pytest.approx(time.time() - 5 * 86400.0, abs=60.0)
     assert entries(Store(store.folder / "nothing")) == []
     # A file of an older version counts.
-    (store.entry(KEYS[2]) / "value.joblib").write_bytes(b"x" * 1000)
+    (store.entry(KEYS[2]) / "value.pickle").write_bytes(b"x" * 1000)
     sizes = {one.key: one.size for one in entry_folders(store)}
     assert sizes[KEYS[2]] == found[2].size + 1000
 

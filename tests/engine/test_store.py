@@ -67,7 +67,7 @@ def change_notes(entry, **notes):
 def old_notes(entry):
     """Notes as they were stored before they had a digest of their own."""
     found = json.loads((entry / META).read_text())
-    del found["digest_of_notes"]
+    del found["notes_digest"]
     return json.dumps(found, indent=1)
 
 
@@ -78,7 +78,7 @@ def old_notes(entry):
         (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "changed"),
         (lambda entry: (entry / VALUE).write_bytes(b""), "changed"),
         (lambda entry: os.truncate(entry / VALUE, 64 * 2**30), "too large"),  # a sparse file
-        (lambda entry: (entry / VALUE).unlink(), "value.pickle is missing"),
+        (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
         (lambda entry: put(Path.mkdir, entry / VALUE), "directory"),
         (lambda entry: put(Path.mkdir, entry / META), "directory"),
         # To open a FIFO would block until a process writes to it.

@@ -106,8 +106,8 @@ def test_each_stage_has_a_module_of_its_own_and_each_option_that_of_its_kind():
 SHARED = {f"stixel_cli.recordings.{name}" for name in ("stereo_images", "truth")}
 SHARED |= {f"stixel_cli.pictures.{name}" for name in ("birds_eye", "camera", "over_time")}
 SHARED |= {"stixel_cli.tracking.several"}
-"""Of two stages each, which read the same files of a recording in the same way, draw alike, or
-follow each other always."""
+"""Of two stages or more each, which read the same files of a recording in the same way, draw alike,
+or follow clusters."""
 
 
 HIDDEN = re.compile(

@@ -18,7 +18,7 @@ from stixel_cli.geometry.pose import rectangle
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import differences, heading_note, read_truth
 from stixel_cli.tracking.motion import transition
-from stixel_cli.tracking.start_scans import start_from_scans
+from stixel_cli.tracking.several import start_from_scans
 
 SCANS = """k,t,x,y,var_xx,var_xy,var_yy
 2,0.2,1.5,9,0.04,0.01,0.09

@@ -206,7 +206,7 @@ def foreign(sweeps, tmp_path):
     store = Store(folder / "kept")
     for entry in (folder / "kept").glob("??/*"):
         notes = store.meta(entry.name)
-        for name in ("key", "size", "digest", "digest_of_notes"):
+        for name in ("key", "size", "digest", "notes_digest"):
             notes.pop(name, None)
         shutil.rmtree(entry)
         store.save(entry.name, _Payload(tmp_path / "ran"), **notes)

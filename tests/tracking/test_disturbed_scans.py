@@ -22,8 +22,8 @@ from stixel_cli.tracking.contour.contour import CONTRADICTED, track
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
 from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.several import start_from_scans
 from stixel_cli.tracking.start import noisy_start
-from stixel_cli.tracking.start_scans import start_from_scans
 
 USERS = ("car", "cyclist", "pedestrian")
 SEED = 0

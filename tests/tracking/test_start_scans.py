@@ -12,7 +12,7 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.contour.class_size import possible_sizes
 from stixel_cli.tracking.motion import transition
-from stixel_cli.tracking.start_scans import start_from_scans
+from stixel_cli.tracking.several import start_from_scans
 
 CONFIGURATION = compose(["start=scans"]).configuration
 START, PRIOR = CONFIGURATION.start, CONFIGURATION.prior

@@ -190,6 +190,6 @@ def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):
 
 
 def test_the_file_of_class_shapes_counts_in_the_keys_of_what_reads_it():
-    for module in ("stixel_cli.tracking.contour.contour", "stixel_cli.tracking.start_scans"):
+    for module in ("stixel_cli.tracking.contour.contour", "stixel_cli.tracking.several"):
         modules = CodeIndex().code([module]).modules
         assert "stixel_cli.tracking.contour.class_size/class_shapes.json" in modules
