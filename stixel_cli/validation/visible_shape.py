@@ -106,8 +106,8 @@ BODY = 2
 def height_insets_of(road_users: Sequence[Sequence[Mesh]]) -> np.ndarray:
     """How far inside its box a class is at each height: `class_shape.height_insets`.
 
-    Of each road user the mean over its limb poses. A roof closes at the next height above it; those
-    above count for none but the taller ones. Sides are compared with those at `BODY`: a car's
+    Of each road user the mean over its limb poses. A roof closes at the next height above it;
+    higher up, only taller road users count. Sides are compared with those at `BODY`: a car's
     mirrors are wider.
     """
     found = []
@@ -118,7 +118,7 @@ def height_insets_of(road_users: Sequence[Sequence[Mesh]]) -> np.ndarray:
         found.append(np.ma.maximum(widest - reach, 0.0))
     insets = np.ma.stack([np.ma.mean(found, axis=0), np.ma.std(found, axis=0)], axis=1)
     known = np.flatnonzero(~insets.mask.any(axis=(0, 1)))
-    return insets.data[..., np.minimum(np.arange(len(HEIGHTS)), known.max())]
+    return insets.filled(0.0)[..., np.minimum(np.arange(len(HEIGHTS)), known.max(initial=0))]
 
 
 def _reach_at_heights(triangles: np.ndarray) -> np.ma.MaskedArray:
@@ -133,7 +133,7 @@ def _reach_at_heights(triangles: np.ndarray) -> np.ma.MaskedArray:
         x, y = (begin[:, axis] + share * edge[:, axis] for axis in (0, 1))
     cut = (share >= 0.0) & (share <= 1.0)
     reach = np.stack([np.where(cut, one, -np.inf).max(axis=0) for one in (-x, x, np.abs(y))])
-    top = np.flatnonzero(cut.any(axis=0)).max()
+    top = np.flatnonzero(cut.any(axis=0)).max(initial=-1)
     reach[:, top + 1 : top + 2] = 0.0
     return np.ma.masked_invalid(reach)
 

@@ -173,6 +173,8 @@ def test_a_face_that_slopes_is_as_far_inside_as_at_the_height_itself():
     # A van is taller: above the wedge it alone counts.
     _, front, _ = height_insets_of([[(wedge,)], [body_of([[-2.0, -0.9, 0.2], [2.0, 0.9, 1.9]])]])
     assert front[:, -1].tolist() == [0.0, 0.0]
+    # A class lower than a bumper is as far out at all heights.
+    assert not height_insets_of([[body_of([[-0.5, -0.3, 0.0], [0.5, 0.3, 0.3]])]]).any()
     assert front.size * 3 == len(CLASS_SHAPES["car"]["height_insets"])
 
 
