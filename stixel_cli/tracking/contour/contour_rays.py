@@ -243,12 +243,13 @@ def associate(
     ranges, misses, stds = expected(pose_and_size, rays.sensor, rays.directions, sight.table.arrays)
     across = np.einsum("ni,ij,nj->n", rays.normals, covariance[:2, :2], rays.normals)
     along = covariance[0, 0] + covariance[1, 1] - across
-    reach = np.hypot(*sight.table.extents)
-    turned = 0.25 * reach**2 * covariance[2, 2]
+    turned = 0.25 * np.hypot(*sight.table.extents) ** 2 * covariance[2, 2]
+    grown = (0.5 * sight.table.extents * np.exp(pose_and_size[3:])) ** 2 * np.diag(covariance)[3:]
+    along, across = along + turned, across + turned
+    along += (rays.directions @ rotation(pose_and_size[2])) ** 2 @ grown
     errors = rays.ranges - ranges - sight.bias_per_std * rays.stds
-    variance = rays.stds**2 + stds**2 + along + turned
-    fits = np.abs(errors) < NEAR + tracker.gate_std * np.sqrt(variance)
-    meets = misses < NEAR_ACROSS + tracker.gate_std * np.sqrt(across + turned)
+    fits = np.abs(errors) < NEAR + tracker.gate_std * np.sqrt(rays.stds**2 + stds**2 + along)
+    meets = misses < NEAR_ACROSS + tracker.gate_std * np.sqrt(across)
     inside = fits & meets & ~rays.others
     if inside.any():
         inside &= _of_target(segments(rays), inside)
