@@ -132,7 +132,8 @@ class OneSide(JointCovariance):
         seen, sensor = (scan.points, scan.covariances), scan.sensor
         rays = rays_of(*seen, sensor, self._field_of_view, scan.heights)
         spread = np.sqrt(max(np.trace(self.matrix[:2, :2]), 0.0))
-        others = self._background.others(rays, mean[:2], mean[6:].max(), spread)
+        reach = mean[6:].max() + np.sqrt(gate()) * spread
+        others = self._background.others(rays, mean[:2], reach)
         if self._sight is None or not len(scan.points):
             return replace(rays, others=others), np.zeros((2, len(scan.points)))
         state = np.concatenate([mean[:3], self._factors])
