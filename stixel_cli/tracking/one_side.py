@@ -22,7 +22,7 @@ from scipy.linalg import block_diag
 from stixel_cli.geometry.kernel import first_hits
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.association import uncut
+from stixel_cli.tracking.association import gate, uncut
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import MODE_ANGLES, class_shape, outline_modes
@@ -131,9 +131,8 @@ class OneSide(JointCovariance):
         """
         seen, sensor = (scan.points, scan.covariances), scan.sensor
         rays = rays_of(*seen, sensor, self._field_of_view, scan.heights)
-        spread = np.sqrt(max(np.trace(self.matrix[:2, :2]), 0.0))
-        reach = mean[6:].max() + np.sqrt(gate()) * spread
-        others = self._background.others(rays, mean[:2], reach)
+        spread = np.sqrt(gate() * max(np.trace(self.matrix[:2, :2]), 0.0))
+        others = self._background.others(rays, mean[:2], mean[6:].max() + spread)
         if self._sight is None or not len(scan.points):
             return replace(rays, others=others), np.zeros((2, len(scan.points)))
         state = np.concatenate([mean[:3], self._factors])
