@@ -112,9 +112,10 @@ class OneSide(JointCovariance):
         """Radii (N,) m of an `outline` (n, 2) m at the basis angles."""
         return self._at(np.arctan2(outline[:, 1], outline[:, 0]), np.hypot(*outline.T))
 
-    def _corners(self, heading: float) -> np.ndarray:
-        """Unit vectors (N, 2) at the basis angles in the world, of a target at this `heading`."""
-        return self._process.basis_directions @ rotation(heading).T
+    def _contour(self, mean: np.ndarray) -> np.ndarray:
+        """The contour (N, 2) m in the world at the basis angles, of the state `mean` (6 + N,)."""
+        corners = np.maximum(mean[6:], 0.0)[:, None] * self._process.basis_directions
+        return mean[:2] + corners @ rotation(mean[2]).T
 
     def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
         """`values` (n,) at the `bearings` (n,) rad of an outline, at the basis angles (N,)."""
@@ -207,13 +208,12 @@ class OneSide(JointCovariance):
         the point, at most half way to the centre: beyond it the far side fits as well. The residual
         is that of the point, linear from there.
         """
-        radii, directions = np.maximum(mean[6:], 0.0), rays.directions
-        contour = mean[:2] + radii[:, None] * self._corners(mean[2])
+        directions, contour = rays.directions, self._contour(mean)
         ranges = first_hits(contour, np.full_like(directions, rays.sensor[:2]), directions)
         of_position = ((directions @ self.matrix[:2, :2]) * directions).sum(axis=1)
         share = of_position / (of_position + (self._std_factor * rays.stds) ** 2)
         behind = np.where(np.isfinite(ranges), ranges - rays.ranges, 0.0)
-        deep = 0.5 * radii.min()
+        deep = 0.5 * max(mean[6:].min(), 0.0)
         moved = (behind - np.clip(share * behind, -deep, deep))[:, None] * directions
         model = linearise(rays.points_world + moved, mean, self._process)
         return replace(model, residuals=model.residuals - (model.gradients * moved).sum(axis=1))
@@ -237,19 +237,16 @@ class OneSide(JointCovariance):
         directions, share = rays.directions, seen / seen.sum()
         ahead = directions.sum(axis=0) / np.hypot(*directions.sum(axis=0))
         left = np.array([-ahead[1], ahead[0]])
-        radii, corners = np.maximum(mean[6:], 0.0), self._corners(mean[2])
-        offsets = mean[:2] - rays.sensor[:2] + radii[:, None] * corners
+        offsets = self._contour(mean) - rays.sensor[:2]
         depths = offsets @ ahead
         places = offsets @ left / depths
         farthest = np.array([places.argmin(), places.argmax()])
-        places, depths, corners = places[farthest], depths[farthest], corners[farthest]
+        places, depths = places[farthest], depths[farthest]
         apart = (directions[ends] @ left / (directions[ends] @ ahead) - places) * depths
         offset = share @ (apart + np.array([-1.0, 1.0]) * insets[ends])
         # What moves an end by 1 m: across its ray, which is not quite across the others.
-        across, row = share[:, None] * (left - places[:, None] * ahead), np.zeros(len(mean))
-        row[:2] = across.sum(axis=0)
-        row[2] = radii[farthest] @ (across[:, 1] * corners[:, 0] - across[:, 0] * corners[:, 1])
-        np.add.at(row, 6 + farthest, (across * corners).sum(axis=1))
+        row = np.zeros(len(mean))
+        row[:2] = share @ (left - places[:, None] * ahead)
         # As if only the place were wrong: the ends do not tell a turn from a shift.
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + self._end_std**2)

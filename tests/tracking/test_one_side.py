@@ -111,13 +111,14 @@ def test_a_contour_beside_its_points_moves_to_their_ends():
     inwards = side.between_ends(rays, left_out, mean, covariance)[0] - middle
     assert inwards[0] == pytest.approx(0.05 * share, rel=0.1)
 
-    # The derivative of the ends' middle, to the left, by the pose.
-    def correction(pose):
-        state = np.append(pose, mean[3:])
-        return side.between_ends(rays, NO_INSETS, state, covariance)[0][0] - pose[0]
+    # The derivative of the ends' middle, to the left, by the place.
+    def correction(place):
+        state = np.append(place, mean[2:])
+        return side.between_ends(rays, NO_INSETS, state, covariance)[0][0] - place[0]
 
-    slopes = -jacobian(correction, mean[:3], 1e-4) / gain[0]
-    assert slopes == pytest.approx(row[:3], abs=5e-3)
+    slopes = -jacobian(correction, mean[:2], 1e-4) / gain[0]
+    assert slopes == pytest.approx(row[:2], abs=5e-3)
+    assert not row[2:].any()
 
 
 @pytest.mark.parametrize("hidden", ["border", "nearer object"])
@@ -132,9 +133,13 @@ def test_an_end_that_is_not_seen_is_not_used(hidden):
         rays = side.rays(scan_of(points), mean)[0]
         assert side.between_ends(rays.subset(np.arange(9)), NO_INSETS, mean, covariance) is None
     else:
-        row = side.between_ends(rays, NO_INSETS, mean, covariance)[2]
         # The right end alone.
-        assert np.count_nonzero(row[6:56]) == 1
+        ends = (rays.bearings == rays.bearings.max(), rays.bearings == rays.bearings.min())
+        left, right, none = (
+            side.between_ends(rays, 0.1 * one, mean, covariance)[0] for one in (*ends, NO_INSETS)
+        )
+        assert left == pytest.approx(none)
+        assert abs(right[0] - none[0]) > 0.02
 
 
 def test_points_are_those_of_the_side_that_the_sensor_sees():
