@@ -98,8 +98,7 @@ class OneSide(JointCovariance):
         lengths = np.hypot(*outline.T)
         self.radii = self._at(bearings, lengths)
         smooth, _ = process.regression(process.correlations(outline / lengths[:, None]))
-        missed = process.mean_radius + smooth @ (self.radii - process.mean_radius) - lengths
-        self.roughness = float(np.sqrt(np.mean(missed**2)))
+        self.roughness = float(np.sqrt(np.mean((smooth @ self.radii - lengths) ** 2)))
         modes = outline_modes(prior.road_user)
         angles = 2.0 * np.pi * np.arange(MODE_ANGLES) / MODE_ANGLES
         shapes = np.stack([self._at(angles, one) for one in (*modes.fixed, *modes.limbs)])

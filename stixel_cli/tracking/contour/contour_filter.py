@@ -195,7 +195,7 @@ class ClassFilter:
         if self._tracker.lag == 0 or not count:
             return filtered
         steps = [one.step for one in self._reported]
-        means, covariances = smooth(steps, self._tracker.lag, heading=2)
+        means, covariances = smooth(steps, self._tracker.lag)
         # Smoothing leaves the same share of the stated covariance as of the gain's.
         for k, one in enumerate(self._reported):
             own, of_gain = np.diag(self._covariances[k]), np.diag(one.state[1])
