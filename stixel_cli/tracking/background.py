@@ -8,7 +8,7 @@ seen does not grow into its neighbours.
 
 import numpy as np
 
-from stixel_cli.tracking.association import gate
+from stixel_cli.tracking.association import GATE_STDS
 from stixel_cli.tracking.contour.contour_rays import GAP, Rays, segments
 
 _NUMBER = np.array([2.0**26, 1.0])
@@ -34,7 +34,7 @@ class Background:
         The target is at `place` (2,) m with a standard deviation of `spread` m, and reaches `half`
         m from there.
         """
-        points, reach = rays.points_world, half + np.sqrt(gate()) * spread
+        points, reach = rays.points_world, half + GATE_STDS * spread
         distances = np.hypot(*(points - place).T)
         if (distances > reach + GAP).any():
             self._learn(points, distances, segments(rays), reach + GAP)

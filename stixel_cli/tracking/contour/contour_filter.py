@@ -153,9 +153,7 @@ class ClassFilter:
         joint.predict(matrix, noise)
         prediction = mean, covariance, joint
         rays = self._at_heights(rays, mean)
-        indices = associate(
-            rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
-        )
+        indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight)
         # Only smoothing looks back; a filter without it keeps no chain of all its scans.
         before = None if self._tracker.lag == 0 else one
         prior = Hypothesis(prediction, one.log_likelihood, before=before, transition=matrix)
