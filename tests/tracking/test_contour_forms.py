@@ -296,9 +296,9 @@ def test_points_of_a_neighbour_are_not_the_targets():
     wall = np.column_stack([np.linspace(3.6, 9.0, 60), np.full(60, 14.3)])
     rays = rays_at(np.concatenate([own, wall]))
     assert len(np.unique(segments(rays))) >= 2
-    _, sight, tracker = forms_of("car", PRIOR, FILE)["class"]
+    _, sight, _ = forms_of("car", PRIOR, FILE)["class"]
     state, covariance = np.array([0.0, 15.0, 0.0, 0.0, 0.0]), np.diag([0.3, 0.3, 0.01, 0.0, 0.0])
-    taken = associate(rays, state, covariance, sight, tracker)
+    taken = associate(rays, state, covariance, sight)
     assert taken.max() < len(own) and len(taken) > 0.9 * len(own)
 
 

@@ -9,6 +9,7 @@ from numba import njit
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import BEARING, FieldOfView
+from stixel_cli.tracking.association import GATE_STDS
 from stixel_cli.tracking.contour.class_shape import (
     HEIGHTS,
     class_shape,
@@ -230,7 +231,6 @@ def associate(
     pose_and_size: np.ndarray,
     covariance: np.ndarray,
     sight: Sight,
-    tracker: ContourParameters,
 ) -> np.ndarray:
     """Indices (m,) of the points in the gate round the predicted target, ascending.
 
@@ -248,8 +248,8 @@ def associate(
     along, across = along + turned, across + turned
     along += (rays.directions @ rotation(pose_and_size[2])) ** 2 @ grown
     errors = rays.ranges - ranges - sight.bias_per_std * rays.stds
-    fits = np.abs(errors) < NEAR + tracker.gate_std * np.sqrt(rays.stds**2 + stds**2 + along)
-    meets = misses < NEAR_ACROSS + tracker.gate_std * np.sqrt(across)
+    fits = np.abs(errors) < NEAR + GATE_STDS * np.sqrt(rays.stds**2 + stds**2 + along)
+    meets = misses < NEAR_ACROSS + GATE_STDS * np.sqrt(across)
     inside = fits & meets & ~rays.others
     if inside.any():
         inside &= _of_target(segments(rays), inside)
