@@ -106,7 +106,7 @@ class ClassBank:
         leader = self._kept.get(self._chosen[-1] if self._chosen else self._start)
         if leader:
             free = self._kept.get((OTHER, "free"), leader)
-            places, reaches = zip(*(one.expected(interval) for one in (leader, free)), strict=True)
+            places, reaches = zip(leader.expected(interval), free.expected(interval), strict=True)
             others = self._background.others(rays, np.array(places), np.array(reaches))
             rays = replace(rays, others=others)
         if leader and leader.unseen and self._chosen:
