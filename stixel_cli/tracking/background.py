@@ -8,7 +8,8 @@ seen does not grow into its neighbours.
 
 import numpy as np
 
-from stixel_cli.tracking.contour.contour_rays import GAP, Rays, segments
+from stixel_cli.measurements.clusters import GAP
+from stixel_cli.tracking.contour.contour_rays import Rays, segments
 
 _NUMBER = np.array([2.0**26, 1.0])
 """Times the two whole numbers of a square is one number, in lexicographic order."""

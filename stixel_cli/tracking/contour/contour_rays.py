@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.measurements.clusters import GAP
 from stixel_cli.measurements.scans import BEARING, FieldOfView
 from stixel_cli.tracking.association import GATE_STDS
 from stixel_cli.tracking.contour.class_shape import (
@@ -25,9 +26,6 @@ from stixel_cli.tracking.contour.residual import Residual
 NEAR, NEAR_ACROSS = 0.3, 0.15
 """A point this near to the expected one, m, along the ray and across, is in every gate. A point
 that is by the first nearer than an end, and no farther beside it, or on the next ray, hides it."""
-
-GAP = 0.6
-"""Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
 
 EDGE_ON = 2.5
 """Baselines. A face whose plane passes the left camera by less is so short in the right image that
@@ -270,8 +268,9 @@ def _of_target(labels: np.ndarray, inside: np.ndarray) -> np.ndarray:
 def segments(rays: Rays) -> np.ndarray:
     """Labels (n,) of the stretches of neighbouring rays whose points are near each other.
 
-    A label is the place of its first point in the order of bearings. Where a bearing has points of
-    several objects, a neighbour is one of the next few.
+    They are so up to `GAP` and four standard deviations. A label is the place of its first point in
+    the order of bearings. Where a bearing has points of several objects, a neighbour is one of the
+    next few.
     """
     order, labels = np.argsort(rays.bearings, kind="stable"), np.arange(len(rays.bearings))
     neighbours = 1 if rays.heights is None else NEIGHBOURS
