@@ -164,6 +164,8 @@ def usage_line(error: Any, words: Sequence[str]) -> str:
         name = text.split("'")[1]
         new = f"; did you mean stixel new tracker {name}?" * (words[0] == "new")
         text += suggestion(name, context.command.commands) or new
+    elif text == "missing command":
+        text += f": {', '.join(context.command.commands)}"
     if words[0] in REPLACED:
         return f"{words[0]} is gone: use stixel {REPLACED[words[0]]}"
     if text.startswith("no such command") and "=" in words[0]:
