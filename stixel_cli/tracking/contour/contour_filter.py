@@ -37,6 +37,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.scene.parameters import CLASS_ROWS, ClassRow
+from stixel_cli.tracking.association import GATE_STDS
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
@@ -99,13 +100,13 @@ class ClassFilter:
         """Whether none of the last scans, or no scan yet, had points of the target."""
         return not any(one.degrees for one in self._reported[-RECENT:])
 
-    def expected(self, interval: float) -> tuple[np.ndarray, float, float]:
-        """Place (2,) m an `interval` in s later, half of the target's diagonal, the place's std."""
+    def expected(self, interval: float) -> tuple[np.ndarray, float]:
+        """Place (2,) m an `interval` in s later, and how far from there the target may reach, m."""
         mean, covariance, _ = self._hypotheses[0].state
         later, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
         variances = np.diag(matrix @ covariance @ matrix.T + noise)[:2]
         half = 0.5 * float(np.hypot(*(self.sight.table.extents * np.exp(mean[5:7]))))
-        return later[:2], half, np.sqrt(max(variances.sum(), 0.0))
+        return later[:2], half + GATE_STDS * np.sqrt(max(variances.sum(), 0.0))
 
     def step(self, interval: float, rays: Rays, recovers: bool) -> np.ndarray:
         """The next scan, an `interval` in s after the one before, with the `rays` of its points.
