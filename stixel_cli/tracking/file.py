@@ -23,12 +23,7 @@ from stixel_cli.recordings.kitti_tables import numbers, read_labels, text_rows
 from stixel_cli.recordings.times import unit_rotations
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import (
-    InitialState,
-    Track,
-    contour_directions,
-    shift_variances,
-)
+from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -22,12 +22,7 @@ from stixel_cli.tracking.kalman import Step, smooth
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Filtered, Scan
 from stixel_cli.tracking.prior import PriorShape, prior_radii
-from stixel_cli.tracking.track import (
-    InitialState,
-    Track,
-    contour_directions,
-    with_sensor_errors,
-)
+from stixel_cli.tracking.track import InitialState, Track, contour_directions, with_sensor_errors
 
 if TYPE_CHECKING:
     from stixel_cli.tracking.one_side import OneSide

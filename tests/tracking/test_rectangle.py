@@ -11,14 +11,8 @@ from tracking_cases import CAR, jacobian, scans_of
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.tracking.baselines.rectangle import (
-    CORNERS,
-    measure,
-    sides_of,
-    track,
-    visible_sides,
-)
-from stixel_cli.tracking.baselines.rectangle_contour import contours_of
+from stixel_cli.tracking.baselines.rectangle import CORNERS, measure, sides_of, track
+from stixel_cli.tracking.baselines.rectangle_contour import NORMALS, contours_of
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.prior import fullness_of
 
@@ -43,14 +37,13 @@ FRONT, REAR, LEFT, RIGHT = range(4)
     ],
 )
 def test_sides_that_the_sensor_sees(pose, sides):
-    mean = np.array([*pose, 0.0, 0.0, 0.0, 4.2, 1.7])
-    assert set(np.flatnonzero(visible_sides(mean, SENSOR[:2]))) == sides
+    sensor = target_from_world(SENSOR[None, :2], np.array(pose))[0]
+    assert {*sides_of(9.0 * NORMALS, np.array([4.2, 1.7]), sensor)} == sides
 
 
 def test_points_belong_to_the_nearest_side_that_is_seen():
     points = np.array([[-2.0, 0.1], [-2.2, 0.8], [-1.0, 0.9], [0.5, 0.4], [2.3, 0.2]])
-    seen_sides = np.array([False, True, True, False])
-    sides = sides_of(points, np.array([4.2, 1.7]), seen_sides)
+    sides = sides_of(points, np.array([4.2, 1.7]), np.array([-9.0, 9.0]))
     # The last one is at the front, which is not seen.
     assert sides.tolist() == [REAR, REAR, LEFT, LEFT, LEFT]
 
@@ -71,7 +64,8 @@ def test_jacobian_matches_finite_differences(seed):
     # Innovations are measured minus predicted.
     slopes = -jacobian(lambda state: rows_at(state, points, noises).innovations, mean)
     np.testing.assert_allclose(rows.matrix[:, :8], slopes, atol=1e-5)
-    sides = sides_of(target_from_world(points, pose), mean[6:], visible_sides(mean, SENSOR[:2]))
+    body, sensor = (target_from_world(one, mean[:3]) for one in (points, SENSOR[None, :2]))
+    sides = sides_of(body, mean[6:], sensor[0])
     np.testing.assert_array_equal(rows.matrix[: len(points), 8:], -np.eye(4)[sides])
     assert not rows.matrix[len(points) :, 8:].any()
 

@@ -124,7 +124,7 @@ def measure(
     """
     turn = rotation(mean[2])
     body = target_from_world(points_world, mean[:3])
-    sides = sides_of(body, mean[6:], visible_sides(mean, sensor_pose[:2]))
+    sides = sides_of(body, mean[6:], target_from_world(sensor_pose[None, :2], mean[:3])[0])
     normals = NORMALS[sides]
     # The mean distance of a shape's side from its middle is this part of that of its box.
     half = 0.5 * fullness
@@ -143,19 +143,14 @@ def measure(
     return Rows(*(np.concatenate(part) for part in parts))
 
 
-def visible_sides(mean: np.ndarray, sensor_world: np.ndarray) -> np.ndarray:
-    """Which sides (4,) of the rectangle `mean` (8,) a sensor at `sensor_world` (2,) m sees.
+def sides_of(points_target: np.ndarray, size: np.ndarray, sensor_target: np.ndarray) -> np.ndarray:
+    """The nearest side that the sensor (2,) m sees, for each point (n, 2) m.
 
-    A sensor inside of the rectangle sees all.
+    `size` (2,) m is length and width. A sensor inside of the rectangle sees all sides.
     """
-    sensor = target_from_world(sensor_world[None], mean[:3])[0]
-    seen = NORMALS @ sensor > 0.5 * mean[[6, 6, 7, 7]]
-    return seen if seen.any() else ~seen
-
-
-def sides_of(points_target: np.ndarray, size: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """The nearest of the `seen` sides (4,) of each point (n, 2) m; `size` is length and width."""
     half = 0.5 * size
+    seen = NORMALS @ sensor_target > half[[0, 0, 1, 1]]
+    seen = seen if seen.any() else ~seen
     outside = np.maximum(np.abs(points_target) - half, 0.0)[:, [1, 1, 0, 0]]
     away = points_target @ NORMALS.T - half[[0, 0, 1, 1]]
     return np.where(seen, np.hypot(away, outside), np.inf).argmin(axis=1)

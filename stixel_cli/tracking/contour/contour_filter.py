@@ -51,11 +51,7 @@ from stixel_cli.tracking.contour.contour_recovery import (
     turned,
 )
 from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_sizes, contours_of, reported
-from stixel_cli.tracking.contour.contour_update import (
-    SEEN,
-    Hypothesis,
-    Measurement,
-)
+from stixel_cli.tracking.contour.contour_update import SEEN, Hypothesis, Measurement
 from stixel_cli.tracking.contour.residual import NODES, Residual
 from stixel_cli.tracking.kalman import smooth
 from stixel_cli.tracking.prior import PriorShape

@@ -225,10 +225,7 @@ def at_heights(
 
 
 def associate(
-    rays: Rays,
-    pose_and_size: np.ndarray,
-    covariance: np.ndarray,
-    sight: Sight,
+    rays: Rays, pose_and_size: np.ndarray, covariance: np.ndarray, sight: Sight
 ) -> np.ndarray:
     """Indices (m,) of the points in the gate round the predicted target, ascending.
 

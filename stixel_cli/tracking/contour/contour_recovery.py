@@ -20,12 +20,7 @@ from stixel_cli.measurements.clusters import cluster
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
-from stixel_cli.tracking.contour.contour_update import (
-    SEARCHES,
-    Fit,
-    Hypothesis,
-    Measurement,
-)
+from stixel_cli.tracking.contour.contour_update import SEARCHES, Fit, Hypothesis, Measurement
 from stixel_cli.tracking.contour.residual import NODES
 
 RECENT, INCONSISTENT = 3, 1.5
