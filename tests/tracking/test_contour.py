@@ -230,7 +230,7 @@ def test_deviation_of_a_range_is_that_along_the_ray():
 def test_stixels_see_a_class_behind_its_outline_and_within_it(name):
     shape = SHAPES[name]
     seen = visible_shape(name, "stixels")
-    table = visible_table(shape.outline, seen, blurred=True)
+    table = visible_table(shape.outline, seen)
     seen_width, width = table.high - table.low, (table.highest - table.lowest) / 1.25
     assert np.all(seen_width < width + 0.15)
     assert np.all(seen_width > 0.4 * width)

@@ -89,7 +89,7 @@ def test_one_that_walks_has_the_size_of_its_box_and_is_seen_at_its_mean_with_its
     np.testing.assert_allclose(shape.size, [0.7, 0.625])
     # The outlines of that size are 0.5 and 0.7 m long.
     np.testing.assert_allclose(np.ptp(shape.outline, axis=0), [0.6 + 0.2 / 3.0, 0.625], rtol=0.01)
-    table = visible_table(shape.outline, visible_outline_of(walkers, shape), blurred=False)
+    table = visible_table(shape.outline, visible_outline_of(walkers, shape))
     depths, stds = table.depths, table.stds
     middle, side = depths.shape[1] // 2, len(depths) // 4
     assert depths[0, middle] == pytest.approx(-0.3, abs=0.02)

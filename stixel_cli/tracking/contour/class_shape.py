@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES
-from stixel_cli.tracking.contour.ray_table import COARSE, FINE, RayTable, outline_table
+from stixel_cli.tracking.contour.ray_table import TABLE, RayTable, outline_table
 from stixel_cli.tracking.contour.user_shape import read_class
 
 MODES, LIMB_MODES, MODE_ANGLES = 12, 6, 120
@@ -142,12 +142,11 @@ def visible_shape(road_user: str, sensor: Literal["stixels", "lidar", "outline"]
     )
 
 
-def visible_table(outline: np.ndarray, seen: VisibleShape, blurred: bool) -> RayTable:
-    """The table of what a sensor sees of an `outline` (N, 2) m; stixels see it `blurred`."""
-    size = COARSE if blurred else FINE
-    table = outline_table(outline, size)
-    row = np.arange(size[0]) * (NODES[0] / size[0])
-    column = np.linspace(0.0, NODES[1] - 1.0, size[1])
+def visible_table(outline: np.ndarray, seen: VisibleShape) -> RayTable:
+    """The table of what a sensor sees of an `outline` (N, 2) m."""
+    table = outline_table(outline)
+    row = np.arange(TABLE[0]) * (NODES[0] / TABLE[0])
+    column = np.linspace(0.0, NODES[1] - 1.0, TABLE[1])
     both = np.arange(2.0)
     inset, inset_std = (_interpolated(one.T, row, both).T for one in (seen.insets, seen.inset_stds))
     biases, stds = (_interpolated(one, row, column) for one in (seen.depth_biases, seen.depth_stds))

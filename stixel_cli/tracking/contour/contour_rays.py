@@ -145,7 +145,7 @@ def sight_of(
     kind = tracker.seen_by if tracker.seen_by in ("stixels", "lidar") else "outline"
     seen = visible_shape(road_user, kind)
     shape = class_shape(road_user).outline if vertices is None else vertices
-    table = visible_table(shape, seen, blurred=tracker.seen_by == "stixels")
+    table = visible_table(shape, seen)
     learned = {"outline": 0.0, "stixels": np.inf}.get(kind, float(seen.insets.mean()))
     residual, insets = Residual(class_shape(road_user)), height_insets(road_user)
     return Sight(table, seen.bias_per_std, seen.std_factor, learned, residual, insets)

@@ -19,11 +19,11 @@ import numpy as np
 
 from stixel_cli.geometry.kernel import first_hits
 
-FINE, COARSE = (360, 81), (72, 51)
-"""Numbers of even aspects over a full turn and of even offsets over the width: of an outline that
-the sensor sees as it is, and of one that it sees blurred.
+TABLE = 360, 81
+"""Numbers of even aspects over a full turn and of even offsets over the width.
 
-A turn of 5 degrees brings 0.4 m of a car's side into view, so the outline takes a degree.
+A turn of 5 degrees brings 0.4 m of a car's side into view: with 72 aspects, stixels of the side of
+a car that comes nearer were 0.3 m behind what was expected, and moved it 5 cm aside.
 """
 
 REACH = 1.25
@@ -93,21 +93,21 @@ def outermost_radii(polygon: np.ndarray, count: int) -> np.ndarray:
     return np.maximum(-first_depths(polygon, even_aspects(count), np.zeros((count, 1)))[:, 0], 0.0)
 
 
-def outline_table(outline: np.ndarray, size: tuple[int, int] = FINE) -> RayTable:
+def outline_table(outline: np.ndarray) -> RayTable:
     """The table of a sensor that sees the outline (M, 2) m exactly; all its stds are 0."""
-    return _table_of(outline.tobytes(), size)
+    return _table_of(outline.tobytes())
 
 
 @lru_cache(maxsize=64)
-def _table_of(content: bytes, size: tuple[int, int]) -> RayTable:
+def _table_of(content: bytes) -> RayTable:
     """`outline_table`, which takes as long as some scans, once for each outline."""
     outline = np.frombuffer(content).reshape(-1, 2)
-    angles = even_aspects(size[0])
+    angles = even_aspects(TABLE[0])
     low, high = widths(outline, angles)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     lowest, highest = middle - REACH * half, middle + REACH * half
-    share = np.linspace(0.0, 1.0, size[1])
+    share = np.linspace(0.0, 1.0, TABLE[1])
     offsets = lowest[:, None] + share * (highest - lowest)[:, None]
     depths = first_depths(outline, angles, offsets)
-    exact = np.zeros(size[0])
+    exact = np.zeros(TABLE[0])
     return RayTable(lowest, highest, depths, np.zeros_like(depths), low, high, exact, exact)
