@@ -60,6 +60,10 @@ def gate(probability: float | None = GATE) -> float:
     return np.inf if probability is None else -2.0 * np.log1p(-probability)
 
 
+GATE_STDS = np.sqrt(gate())
+"""Width of the gate in standard deviations."""
+
+
 def uncut(
     bearings: np.ndarray, ranges: np.ndarray, field_of_view: FieldOfView | None
 ) -> np.ndarray:

@@ -8,8 +8,8 @@ seen does not grow into its neighbours.
 
 import numpy as np
 
-from stixel_cli.tracking.association import gate
-from stixel_cli.tracking.contour.contour_rays import GAP, Rays, segments
+from stixel_cli.measurements.clusters import GAP
+from stixel_cli.tracking.contour.contour_rays import Rays, segments
 
 _NUMBER = np.array([2.0**26, 1.0])
 """Times the two whole numbers of a square is one number, in lexicographic order."""
@@ -28,28 +28,26 @@ class Background:
     def __init__(self) -> None:
         self._places, self._squares = np.zeros((0, 2)), np.zeros(0)
 
-    def others(self, rays: Rays, place: np.ndarray, half: float, spread: float) -> np.ndarray:
+    def others(self, rays: Rays, places: np.ndarray, reaches: np.ndarray) -> np.ndarray:
         """Which points of a scan are known to be other objects': (n,).
 
-        The target is at `place` (2,) m with a standard deviation of `spread` m, and reaches `half`
-        m from there.
+        The target is at one of the `places` (m, 2) m, and reaches so far (m,) from there, in m.
         """
-        points, reach = rays.points_world, half + np.sqrt(gate()) * spread
-        distances = np.hypot(*(points - place).T)
-        if (distances > reach + GAP).any():
-            self._learn(points, distances, segments(rays), reach + GAP)
+        points = rays.points_world
+        apart = np.linalg.norm(points[:, None] - places, axis=2) - reaches
+        beyond = apart.min(axis=1) - GAP
+        if (beyond > 0.0).any():
+            self._learn(points, beyond, segments(rays))
         if not len(self._places) or not len(points):
             return np.zeros(len(points), bool)
         squares = (np.round(points / GAP) @ _NUMBER)[:, None] + _AROUND
         rows = np.searchsorted(self._squares, squares).clip(max=len(self._squares) - 1)
         return (np.linalg.norm(points[:, None] - self._places[rows], axis=2) < GAP).any(axis=1)
 
-    def _learn(
-        self, points_world: np.ndarray, distances: np.ndarray, labels: np.ndarray, reach: float
-    ) -> None:
-        """Remember the points (n, 2) m of the objects, labelled from 0 on, beyond `reach`, m."""
+    def _learn(self, points_world: np.ndarray, beyond: np.ndarray, labels: np.ndarray) -> None:
+        """Remember points (n, 2) m of objects, labelled from 0 on, all of them > 0 m `beyond`."""
         nearest = np.full(labels.max() + 1, np.inf)
-        np.minimum.at(nearest, labels, distances)
-        places = np.concatenate([self._places, points_world[nearest[labels] > reach]])
+        np.minimum.at(nearest, labels, beyond)
+        places = np.concatenate([self._places, points_world[nearest[labels] > 0.0]])
         self._squares, first = np.unique(np.round(places / GAP) @ _NUMBER, return_index=True)
         self._places = places[first]

@@ -21,7 +21,7 @@ from stixel_cli.tracking.gp_ekf_update import linearise, pose_derivatives, updat
 from stixel_cli.tracking.kalman import Step, smooth
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Filtered, Scan
-from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
+from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import (
     InitialState,
     Track,
@@ -42,10 +42,7 @@ class GpEkfParameters:
         length_scale: kernel's length l, rad.
         sigma_f: kernel's standard deviation of the radius, m.
         sigma_r: standard deviation of the unknown mean radius, m.
-        mean_function: of the process, thesis 5.4: `zero`, or `class_radius`, the mean radius of the
-            class's prior shape.
         forgetting_rate: alpha, 1/s: how fast radii that are not seen return to the kernel's mean.
-        jitter: variance, m², added to K's diagonal where K is inverted, and nowhere else.
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
         sigma_q_psi: process noise of the heading, rad/s^1.5.
         slip: standard deviation of the velocity across the heading, m/s, which is zero; null: any
@@ -63,9 +60,7 @@ class GpEkfParameters:
     length_scale: Annotated[float, Ge(0.001), Le(10)]
     sigma_f: Annotated[float, Gt(0), Le(20)]
     sigma_r: Annotated[float, Ge(0), Le(20)]
-    mean_function: Literal["zero", "class_radius"]
     forgetting_rate: Annotated[float, Ge(0), Le(100)]
-    jitter: Annotated[float, Gt(0), Le(1)]
     sigma_q: Annotated[float, Ge(0), Le(100)]
     sigma_q_psi: Annotated[float, Ge(0), Le(100)]
     slip: Annotated[float, Gt(0), Le(10)] | None
@@ -92,12 +87,7 @@ def track(
     from scipy.linalg import block_diag
 
     process = ContourProcess(
-        tracker.basis_points,
-        tracker.length_scale,
-        tracker.sigma_f,
-        tracker.sigma_r,
-        tracker.jitter,
-        mean_radius(prior) if tracker.mean_function == "class_radius" else 0.0,
+        tracker.basis_points, tracker.length_scale, tracker.sigma_f, tracker.sigma_r
     )
     side, radii = None, prior_radii(prior, process.basis_angles)
     if tracker.seen_by is not None:
@@ -123,7 +113,7 @@ def track(
     for scan in filtered:
         interval, (noise, transition, stated) = scan.interval, moved(scan.interval)
         mean, covariance = predicted = motion.predict(
-            mean, covariance, interval, noise, tracker.forgetting_rate, process
+            mean, covariance, interval, noise, tracker.forgetting_rate, process.covariance
         )
         if side:
             side.predict(transition, stated)
@@ -144,7 +134,7 @@ def track(
     track = reported(means, covariances)
     if tracker.lag == 0:
         return with_sensor_errors(track, scans)
-    smoothed_means, smoothed_covariances = smooth(steps, tracker.lag, heading=2)
+    smoothed_means, smoothed_covariances = smooth(steps, tracker.lag)
     # Of errors that scans share, later scans take little: those of the filter are stated.
     smoothed = reported(smoothed_means, covariances if side else smoothed_covariances)
     track = replace(track, smoothed=replace(smoothed, lag=tracker.lag))
@@ -189,10 +179,10 @@ def contours_of(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Contours (K, M, 2) m and std (K, M) m of K states; see `Track`.
 
-    At M = `points` even angles: r = m + H^f (x^f - m), m the mean radius of the process. A radius
-    below zero, which the model does not rule out, is drawn as zero, so every contour is
-    star-convex. A change of pose or radii moves the point where a ray from the estimated centre
-    meets the contour by the radial row J of the measurement model, so its variance is J P Jᵀ + R^f.
+    At M = `points` even angles: r = H^f x^f. A radius below zero, which the model does not rule
+    out, is drawn as zero, so every contour is star-convex. A change of pose or radii moves the
+    point where a ray from the estimated centre meets the contour by the radial row J of the
+    measurement model, so its variance is J P Jᵀ + R^f.
     """
     angles, directions = contour_directions(means[:, 2], points)
     unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)

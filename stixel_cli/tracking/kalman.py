@@ -104,32 +104,30 @@ class Step:
         return self.before.covariance @ self.transition.T @ inverse
 
 
-def smooth(
-    steps: Sequence[Step], lag: int | None, heading: int | None = None
-) -> tuple[np.ndarray, np.ndarray]:
+def smooth(steps: Sequence[Step], lag: int | None) -> tuple[np.ndarray, np.ndarray]:
     """Means (K, d) and covariances (K, d, d) of K scans, given those up to `lag` later.
+
+    The third state is a heading, whose differences are wrapped.
 
     Args:
         steps: what is reported after each scan. It need not be predicted from what was reported
             before: an estimate follows from the `before` of the step that is reported `lag` later.
         lag: number of scans; None for all.
-        heading: index of an angle, whose differences are wrapped.
     """
     last = len(steps) - 1
     lag = last if lag is None else min(lag, last)
-    estimates = [_backward(step, lag, heading)[0] for step in steps[lag:last]]
-    means, covariances = zip(*estimates, *_backward(steps[last], lag, heading), strict=True)
+    estimates = [_backward(step, lag)[0] for step in steps[lag:last]]
+    means, covariances = zip(*estimates, *_backward(steps[last], lag), strict=True)
     return np.stack(means), np.stack(covariances)
 
 
-def _backward(step: Step, lag: int, heading: int | None) -> list[tuple[np.ndarray, np.ndarray]]:
+def _backward(step: Step, lag: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Mean and covariance of each of the last `lag` + 1 scans up to that of `step`."""
     mean, covariance = step.mean, step.covariance
     estimates = [(mean, covariance)]
     for _ in range(lag):
         change, excess = mean - step.predicted_mean, covariance - step.predicted_covariance
-        if heading is not None:
-            change[heading] = wrap_angle(change[heading])
+        change[2] = wrap_angle(change[2])
         gain, step = step.gain, step.before
         mean = step.mean + gain @ change
         covariance = step.covariance + gain @ excess @ gain.T

@@ -36,11 +36,8 @@ class ContourProcess:
     sigma_f: float
     sigma_r: float
     """`length_scale`, `sigma_f`, `sigma_r`: of the kernel; rad, m, m."""
-    jitter: float
+    jitter: float = 1e-6
     """In m²; goes only into the inverse of K."""
-    mean_radius: float = 0.0
-    """The process's mean function, a constant, m; thesis, 5.4. The regression is that of the
-    radii's differences from it."""
 
     @cached_property
     def basis_angles(self) -> np.ndarray:
@@ -117,9 +114,9 @@ class ContourProcess:
         matrix is needed.
         """
         # The inverse is symmetric.
-        coefficients = (radii - self.mean_radius) @ self.inverse
+        coefficients = radii @ self.inverse
         sums = (coefficients[..., None, :] * self._harmonics) @ correlations.T
-        mean = self.mean_radius + self.sigma_r**2 * coefficients.sum(axis=-1, keepdims=True)
+        mean = self.sigma_r**2 * coefficients.sum(axis=-1, keepdims=True)
         slope = directions[:, 0] * sums[..., 2, :] - directions[:, 1] * sums[..., 1, :]
         return mean + sums[..., 0, :], slope
 

@@ -5,14 +5,9 @@ heading of its own has the four states `MOVING`, moved by a white acceleration: 
 Kirubarajan 2001, chapter 5 and (6.2.2).
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from stixel_cli.geometry.pose import wrap_angle
-
-if TYPE_CHECKING:
-    from stixel_cli.tracking.kernel import ContourProcess
 
 MOVING = np.array([0, 1, 3, 4])
 """Indices of x, y and their rates in a track's first six states."""
@@ -51,14 +46,6 @@ def process_noise(interval: float, sigma_q: float, sigma_q_psi: float) -> np.nda
     return np.kron([[interval**3 / 3.0, cross], [cross, interval]], np.diag(densities))
 
 
-def velocity_across(mean: np.ndarray) -> tuple[float, np.ndarray]:
-    """The velocity across the heading, m/s, to the left, and its derivative (d,) by the state."""
-    cosine, sine = np.cos(mean[2]), np.sin(mean[2])
-    row = np.zeros(len(mean))
-    row[2:5] = -cosine * mean[3] - sine * mean[4], -sine, cosine
-    return cosine * mean[4] - sine * mean[3], row
-
-
 def tied_to_velocity(
     mean: np.ndarray, covariance: np.ndarray, slip: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -67,7 +54,10 @@ def tied_to_velocity(
     A road user moves along its heading: the velocity across it is measured as zero, which turns
     heading and velocity towards each other. Also that measurement's gain (d,) and row (d,).
     """
-    across, row = velocity_across(mean)
+    cosine, sine = np.cos(mean[2]), np.sin(mean[2])
+    across = cosine * mean[4] - sine * mean[3]
+    row = np.zeros(len(mean))
+    row[2:5] = -cosine * mean[3] - sine * mean[4], -sine, cosine
     spread = covariance @ row
     gain = spread / (row @ spread + slip**2)
     return mean - gain * across, covariance - np.outer(gain, spread), gain, row
@@ -79,19 +69,16 @@ def predict(
     interval: float,
     noise: np.ndarray,
     forgetting_rate: float,
-    process: "ContourProcess | None" = None,
+    radii_covariance: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (6 + N,) and covariance (6 + N, 6 + N) one `interval` in s later; thesis (71), (75).
 
-    F^f = e^(-alpha T) I and Q^f = (1 - e^(-2 alpha T)) K, with `forgetting_rate` alpha in 1/s, and
-    K and the mean radius, to which the radii return, of the `process`; None: without radii.
-    `noise` is Q̄. F is never formed: it scales blocks.
+    F^f = e^(-alpha T) I and Q^f = (1 - e^(-2 alpha T)) K, with `forgetting_rate` alpha in 1/s and
+    the `radii_covariance` K (N, N) m². `noise` is Q̄. F is never formed: it scales blocks.
     """
     decay = np.exp(-forgetting_rate * interval)
-    mean_radius = process.mean_radius if process else 0.0
     pose = transition(interval)
-    radii = mean_radius + decay * (mean[6:] - mean_radius)
-    predicted_mean = np.concatenate([pose @ mean[:6], radii])
+    predicted_mean = np.concatenate([pose @ mean[:6], decay * mean[6:]])
     predicted = np.empty_like(covariance)
     predicted[:6, :6] = pose @ covariance[:6, :6] @ pose.T + noise
     cross = decay * (pose @ covariance[:6, 6:])
@@ -99,7 +86,7 @@ def predict(
     predicted[6:, :6] = cross.T
     np.multiply(covariance[6:, 6:], decay**2, out=predicted[6:, 6:])
     if forgetting_rate > 0.0:
-        predicted[6:, 6:] += -np.expm1(-2.0 * forgetting_rate * interval) * process.covariance
+        predicted[6:, 6:] += -np.expm1(-2.0 * forgetting_rate * interval) * radii_covariance
     return predicted_mean, predicted
 
 

@@ -20,7 +20,7 @@ from scipy.linalg import block_diag
 from stixel_cli.geometry.kernel import first_hits
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.association import uncut
+from stixel_cli.tracking.association import GATE_STDS, uncut
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import HEIGHTS, MODE_ANGLES, class_shape, outline_modes
@@ -94,8 +94,7 @@ class OneSide(JointCovariance):
         lengths = np.hypot(*outline.T)
         self.radii = self._radii(outline)
         smooth, _ = process.regression(process.correlations(outline / lengths[:, None]))
-        missed = process.mean_radius + smooth @ (self.radii - process.mean_radius) - lengths
-        self.roughness = float(np.sqrt(np.mean(missed**2)))
+        self.roughness = float(np.sqrt(np.mean((smooth @ self.radii - lengths) ** 2)))
         modes = outline_modes(prior.road_user)
         angles = 2.0 * np.pi * np.arange(MODE_ANGLES) / MODE_ANGLES
         shapes = np.stack([self._at(angles, one) for one in (*modes.fixed, *modes.limbs)])
@@ -137,8 +136,8 @@ class OneSide(JointCovariance):
         """
         sensor, seen = scan.sensor, (scan.covariances, scan.sensor, self._field_of_view)
         rays = rays_of(scan.points, *seen, scan.heights)
-        spread = np.sqrt(max(np.trace(self.matrix[:2, :2]), 0.0))
-        others = self._background.others(rays, mean[:2], mean[6:].max(), spread)
+        spread = GATE_STDS * np.sqrt(max(np.trace(self.matrix[:2, :2]), 0.0))
+        others = self._background.others(rays, mean[:2], mean[6:].max() + spread)
         if self._sight is None or not len(scan.points):
             return replace(rays, others=others), np.zeros((2, len(scan.points)))
         state = np.concatenate([mean[:3], self._factors])

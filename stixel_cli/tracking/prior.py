@@ -57,12 +57,10 @@ class PriorShape:
         """Raise ValueError for wrong corners, an empty name, or a shape that `tracker` lacks."""
         if self.outline == "":
             raise ValueError("prior.outline: is empty: must be the name of a file, or null")
-        scaled = getattr(tracker, "mean_function", "zero") != "zero"
-        if self.shape == "none" and (scaled or tracker.kind in NEED_SHAPE):
-            needs = "tracker.mean_function=class_radius" if scaled else f"tracker={tracker.kind}"
+        if self.shape == "none" and tracker.kind in NEED_SHAPE:
             raise ValueError(
-                f"prior.shape: {needs} needs the shape of the class, got none: choose one, as "
-                "ellipse"
+                f"prior.shape: tracker={tracker.kind} needs the shape of the class, got none: "
+                "choose one, as ellipse"
             )
         if self.shape == "rectangle" and 2.0 * self.corner_radius > min(self.length, self.width):
             raise ValueError(
@@ -73,11 +71,6 @@ class PriorShape:
 
 EVEN = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
 """Angles over which a shape is summed up, rad."""
-
-
-def mean_radius(prior: PriorShape) -> float:
-    """Mean of the class's radius over all directions, m."""
-    return float(prior_radii(prior, EVEN).mean())
 
 
 def fullness_of(prior: PriorShape) -> float:

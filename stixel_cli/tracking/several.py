@@ -24,7 +24,7 @@ from stixel_cli.tracking.track import FoundTrack, InitialState, ObjectTrack
 
 RECENT = 20
 """Speed and places left are those of so many of the last scans that have the cluster: with all, a
-car that stood for long would have no speed. With 10 and 15, nothing changes."""
+car that stood for long would have no speed. With 12 a cyclist is found 17 scans later."""
 
 FREE = 4.0
 """Of the places that a road user has left, so many times as many are free as are occupied. With 1

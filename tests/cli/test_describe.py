@@ -37,7 +37,7 @@ TEXTS = {
     ],
     "rig.width": ["default", "1242 (kitti)", "match"],
     "prior.sigma_f": ["tracker.sigma_f"],
-    "tracker.mean_function": ["one of zero, class_radius"],
+    "start.rates": ["one of truth, zero"],
     "tracker": [*(f"tracker={one}" for one in group_options()["tracker"]), "read by",
                 "Extended Kalman filter", "tracker.basis_points"],
     "stereo=bm": ["stereo.block_size"],

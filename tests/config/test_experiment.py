@@ -53,7 +53,6 @@ def test_the_thesis_sets_plain_values_of_several_groups_for_every_class(road_use
     assert chosen.extraction.refinement == chosen.height.hidden_rows == 0
     rig, nearest = chosen.rig, chosen.stereo.nearest
     assert chosen.extraction.front_margin > rig.focal * rig.baseline / nearest
-    assert chosen.tracker.mean_function == "zero"
     composition = thesis("measurement=fabricated", f"road_user={road_user}")
     measurement = composition.configuration.measurement
     assert composition.choices["measurement/noise"] == "constant"

@@ -69,7 +69,7 @@ LINES = [
     ["rig.height=${rig.width}", "measurement=fabricated", "measurement.rays=null"],
     ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.range_std=1"],
     ["measurement.noise.disparity_std=0.2", "measurement=fabricated", "seed=3"],
-    ["path=crossing", "road_user=pedestrian", "tracker.jitter=1e-7", "measurement='fabricated'"],
+    ["path=crossing", "road_user=pedestrian", "tracker.slip=0.2", "measurement='fabricated'"],
 ]
 
 
@@ -155,8 +155,6 @@ IMPOSSIBLE = {
     "prior.corner_radius=2": "prior.corner_radius: must be ≤",
     "experiment=thesis tracker=point": "prior.shape: tracker=point needs the shape of the class, "
     "got none",
-    "prior.shape=none tracker.mean_function=class_radius": "prior.shape: "
-    "tracker.mean_function=class_radius needs the shape",
 }
 
 

@@ -28,7 +28,7 @@ FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0
 
 def test_a_smoothed_track_is_next_to_that_of_the_filter(results, capsys, told):
     for lag in (0, 2):
-        overrides = (*FABRICATED, "tracker=point", f"tracker.lag={lag}")
+        overrides = (*FABRICATED, "tracker=gp_ekf", f"tracker.lag={lag}")
         run_json(capsys, results, *overrides, "--name", f"lag{lag}")
     plain, both = results / "lag0", results / "lag2"
     names, of_plain = ({path.name for path in folder.iterdir()} for folder in (both, plain))

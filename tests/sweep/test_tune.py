@@ -82,7 +82,7 @@ def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
         ([TUNED[3], "--over", "path"], "--over: path is not swept"),
         ([TUNED[3], "seed=999,1000"], "seed=999: seeds to tune on are 1000 and more"),
         ([TUNED[3], "road_user.shape_seed=1,2"], "road_user.shape_seed=1: seeds"),
-        (["tracker.mean_function=interval(0,1)"], "not a number: write tracker.mean_function=A,B"),
+        (["start.rates=interval(0,1)"], "not a number: write start.rates=A,B"),
         (["tracker=interval(0,1)"], "tracker=interval(0,1): not a number: write tracker=A,B"),
         (["tracker.sigma_q=tag(log,interval(0,1))"], "for log with A > 0"),
         (["tracker.sigma_q=interval(-1,1)"], "tracker.sigma_q"),

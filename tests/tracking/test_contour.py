@@ -14,7 +14,7 @@ from tracking_cases import CAR, jacobian
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import FieldOfView, SharedErrors
-from stixel_cli.tracking.association import uncut
+from stixel_cli.tracking.association import GATE_STDS, uncut
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour import track
@@ -327,5 +327,5 @@ def test_what_a_scan_does_to_the_joint_covariance_is_the_dense_update(form):
     assert_allclose(after.state[2].matrix, expected, atol=1e-12)
     assert after.degrees == used.sum()
     assert after.nis == pytest.approx(innovations @ np.linalg.solve(density.cov, innovations))
-    gates = np.log(2.0 * (NEAR + tracker.gate_std * rays.stds)).sum()
+    gates = np.log(2.0 * (NEAR + GATE_STDS * rays.stds)).sum()
     assert after.log_likelihood - gates == pytest.approx(density.logpdf(innovations))

@@ -180,6 +180,21 @@ def test_a_target_of_no_class_is_followed_by_the_free_form(tracker, road_user, s
     assert fixed.class_probabilities is None
 
 
+@pytest.mark.parametrize("offset", [(0.3, 0.0, 0.0), (-0.3, 0.3, 0.1)])
+def test_a_truck_that_comes_nearer_is_not_what_stood_elsewhere(offset):
+    """Its front is 2 m before a car's: out of a car's gate, and once remembered as background."""
+    size, (length, width) = (8.4, 2.5), class_size("car").mean.tolist()
+    poses = np.column_stack(
+        [np.full(20, -2.0), 34.0 - 0.5 * np.arange(20), np.full(20, -np.pi / 2)]
+    )
+    scans, prior = (
+        scans_seen(rectangle(*size), poses, 0.03),
+        replace(PRIOR, length=length, width=width),
+    )
+    errors = track(scans, start_at(poses, offset), prior, FILE).means[:, :2] - poses[:, :2]
+    assert np.hypot(*errors.T).max() < 1.0
+
+
 def test_a_size_that_was_well_seen_is_not_unlearned_as_something_hides_an_end():
     """What hides it is not in the scans: they are cut out around the target."""
     poses = np.column_stack([np.zeros(60), 10.0 + 0.2 * np.arange(60), np.full(60, np.pi / 2)])
@@ -281,9 +296,9 @@ def test_points_of_a_neighbour_are_not_the_targets():
     wall = np.column_stack([np.linspace(3.6, 9.0, 60), np.full(60, 14.3)])
     rays = rays_at(np.concatenate([own, wall]))
     assert len(np.unique(segments(rays))) >= 2
-    _, sight, tracker = forms_of("car", PRIOR, FILE)["class"]
+    _, sight, _ = forms_of("car", PRIOR, FILE)["class"]
     state, covariance = np.array([0.0, 15.0, 0.0, 0.0, 0.0]), np.diag([0.3, 0.3, 0.01, 0.0, 0.0])
-    taken = associate(rays, state, covariance, sight, tracker)
+    taken = associate(rays, state, covariance, sight)
     assert taken.max() < len(own) and len(taken) > 0.9 * len(own)
 
 

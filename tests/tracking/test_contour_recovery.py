@@ -231,8 +231,8 @@ def test_what_stood_elsewhere_is_known_and_what_reaches_the_target_is_not():
     rays = rays_at(near + far, 0.01)
     background, place = Background(), np.array([0.0, 10.0])
     expected = [False, False, True, True]
-    np.testing.assert_array_equal(background.others(rays, place, 1.0, 0.1), expected)
-    np.testing.assert_array_equal(background.others(rays, place, 1.0, 2.0), expected)
+    np.testing.assert_array_equal(background.others(rays, place, 1.3), expected)
+    np.testing.assert_array_equal(background.others(rays, place, 7.1), expected)
     # The points of one object are neighbours: a part of it is within the target's reach.
     rays = rays_at(np.column_stack([np.linspace(1.0, 6.0, 26), np.full(26, 10.0)]), 0.01)
-    assert not Background().others(rays, place, 1.0, 0.1).any()
+    assert not Background().others(rays, place, 1.3).any()

@@ -30,7 +30,7 @@ KINDS.remove("file")
 # The peers are not ours to mend.
 WAYS = [kind for kind in KINDS if kind != "pyrecest"] + ["gp_ekf tracker.seen_by=null"]
 WAYS += [f"{name} measurement=fabricated" for name in ("contour", "gp_ekf")]
-SMOOTHED = [f"{name} tracker.lag=null" for name in ("contour", "gp_ekf", "point")]
+SMOOTHED = [f"{name} tracker.lag=null" for name in ("contour", "gp_ekf")]
 
 
 def tracker_of(words):

@@ -16,7 +16,7 @@ from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.gp_ekf import contours_of, track
 from stixel_cli.tracking.gp_ekf_update import linearise, update
 from stixel_cli.tracking.kernel import ContourProcess
-from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
+from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState
 
 SEEDS = st.integers(0, 2**31)
@@ -53,19 +53,17 @@ def measurement(points, mean, process):
     """h(x; z) of thesis (65)-(67), written out with angles: (2n,)."""
     offset = points - mean[:2]
     bearing = np.arctan2(offset[:, 1], offset[:, 0])
-    deviations = mean[6:] - process.mean_radius
-    radius = process.mean_radius + process.at(bearing - mean[2])[0] @ deviations
+    radius = process.at(bearing - mean[2])[0] @ mean[6:]
     direction = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     return (mean[:2] + radius[:, None] * direction).ravel()
 
 
-@given(seed=SEEDS, mean_radius=st.sampled_from([0.0, 1.4]))
-def test_jacobian_matches_finite_differences(seed, mean_radius):
-    process = dataclasses.replace(PROCESS, mean_radius=mean_radius)
+@given(seed=SEEDS)
+def test_jacobian_matches_finite_differences(seed):
     mean, points = some_state(np.random.default_rng(seed))
-    predicted, matrix, _ = dense_model(points, mean, process)
-    np.testing.assert_allclose(predicted, measurement(points, mean, process), atol=1e-9)
-    expected = jacobian(lambda state: measurement(points, state, process), mean, 1e-5)
+    predicted, matrix, _ = dense_model(points, mean, PROCESS)
+    np.testing.assert_allclose(predicted, measurement(points, mean, PROCESS), atol=1e-9)
+    expected = jacobian(lambda state: measurement(points, state, PROCESS), mean, 1e-5)
     np.testing.assert_allclose(matrix, expected, rtol=1e-4, atol=1e-4)
 
 
@@ -150,7 +148,7 @@ def test_contour_and_std_match_the_regression():
     count = found.contours_world.shape[1]
     angles = 2.0 * np.pi * np.arange(count) / count
     size = TRACKER.basis_points, TRACKER.length_scale
-    process = ContourProcess(*size, 1.0, 0.4, TRACKER.jitter)
+    process = ContourProcess(*size, 1.0, 0.4)
     matrix, variances = process.at(angles)
     mean, covariance = found.means[-1], found.covariances[-1]
     offsets = found.contours_world[-1] - mean[:2]
@@ -175,18 +173,12 @@ def test_contour_and_std_match_the_regression():
         assert found.contour_std[-1, i] == pytest.approx(expected, rel=1e-5)
 
 
-def test_unseen_radii_return_to_the_mean_radius_which_is_between_the_half_axes():
+def test_unseen_radii_return_to_zero():
     forgetting = dataclasses.replace(TRACKER, forgetting_rate=100.0)
-    nothing = scans_of([np.zeros((0, 2))] * 5)
-    for mean_function, radius in (("zero", 0.0), ("class_radius", mean_radius(CAR))):
-        chosen = dataclasses.replace(forgetting, mean_function=mean_function)
-        found = track(nothing, START, CAR, chosen)
-        np.testing.assert_allclose(found.means[-1, 6:], radius, atol=1e-9)
-        reach = np.linalg.norm(found.contours_world[-1] - found.means[-1, :2], axis=1)
-        np.testing.assert_allclose(reach, radius, atol=1e-9)
-    circle = dataclasses.replace(CAR, shape="ellipse", corner_radius=0.0, length=3.0, width=3.0)
-    assert mean_radius(circle) == pytest.approx(1.5)
-    assert 0.3 < mean_radius(dataclasses.replace(circle, length=1.8, width=0.6)) < 0.9
+    found = track(scans_of([np.zeros((0, 2))] * 5), START, CAR, forgetting)
+    np.testing.assert_allclose(found.means[-1, 6:], 0.0, atol=1e-9)
+    reach = np.linalg.norm(found.contours_world[-1] - found.means[-1, :2], axis=1)
+    np.testing.assert_allclose(reach, 0.0, atol=1e-9)
 
 
 def test_negative_radius_is_reported_as_zero():

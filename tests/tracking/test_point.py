@@ -30,7 +30,7 @@ from stixel_cli.tracking.prior import prior_radii
 from stixel_cli.tracking.track import InitialState
 
 SEEDS = st.integers(0, 2**31)
-TRACKER = PointParameters("point", sigma_q=2.0, measurement_std=0.1, lag=0)
+TRACKER = PointParameters("point", sigma_q=2.0, measurement_std=0.1)
 
 
 def textbook(scans, used, initial, radius, tracker):
@@ -175,6 +175,6 @@ def test_prediction_matches_the_dense_formula(seed, alpha):
     dense = block_diag(transition(interval), np.exp(-alpha * interval) * np.eye(8))
     radii_noise = (1.0 - np.exp(-2.0 * alpha * interval)) * process.covariance
     expected = dense @ root @ root.T @ dense.T + block_diag(noise, radii_noise)
-    predicted, covariance = predict(mean, root @ root.T, interval, noise, alpha, process)
+    predicted, covariance = predict(mean, root @ root.T, interval, noise, alpha, process.covariance)
     np.testing.assert_allclose(predicted, dense @ mean, atol=1e-12)
     np.testing.assert_allclose(covariance, expected, atol=1e-10)

@@ -124,7 +124,7 @@ def test_whole_track_matches_the_reference(name):
     """Through `track` itself: the reference starts from radii of zero, so from a point."""
     with np.load(GOLDEN / f"{name}.npz", allow_pickle=False) as arrays:
         case = {name: arrays[name] for name in arrays.files}
-    alike = ("length_scale", "sigma_f", "sigma_r", "jitter", "sigma_q", "sigma_q_psi")
+    alike = ("length_scale", "sigma_f", "sigma_r", "sigma_q", "sigma_q_psi")
     names = dict(zip(alike, alike, strict=True))
     names |= {"forgetting_rate": "alpha", "measurement_std": "sigma_meas"}
     values = {name: float(case[theirs]) for name, theirs in names.items()}

@@ -56,7 +56,7 @@ def test_points_belong_to_the_nearest_side_that_is_seen():
 
 
 def rows_at(state, points, noises):
-    return measure(state, points, noises, SENSOR, 0.9, TRACKER, None)
+    return measure(state, points, noises, SENSOR, 0.9, TRACKER.corner_std, None)
 
 
 @given(seed=SEEDS)
@@ -67,7 +67,7 @@ def test_jacobian_matches_finite_differences(seed):
     points = seen(OUTLINE, np.array([pose]), noise=0.05, seed=seed)[0][0]
     noises = np.tile(0.01 * np.eye(2), (len(points), 1, 1))
     rows = rows_at(mean, points, noises)
-    assert len(rows.innovations) == len(points) + 3
+    assert len(rows.innovations) == len(points) + 2
     # Innovations are measured minus predicted.
     slopes = -jacobian(lambda state: rows_at(state, points, noises).innovations, mean)
     np.testing.assert_allclose(rows.matrix[:, :8], slopes, atol=1e-5)
@@ -108,7 +108,7 @@ def test_a_car_seen_as_an_l_is_followed(rate):
     assert min(one.area for one in overlap) > 0.85 * CAR.length * CAR.width
     used = np.diff(result.used_offsets)
     assert used.min() > 20
-    assert np.all(result.nis_degrees_of_freedom - used <= 3)
+    assert np.all(result.nis_degrees_of_freedom - used <= 2)
 
 
 def test_the_size_is_estimated():
@@ -144,8 +144,8 @@ def test_few_points_move_the_pose_and_hardly_the_size(count):
     np.testing.assert_allclose(result.means[:, 6:], [[CAR.length, CAR.width]] * 15, rtol=0.1)
     assert np.isfinite(result.covariances).all() and np.isfinite(result.contour_std).all()
     assert np.hypot(*(result.means[-1, :2] - poses[-1, :2])) < 1.0
-    # Points and the velocity across the heading; no end of the target.
-    np.testing.assert_array_equal(result.nis_degrees_of_freedom, np.diff(result.used_offsets) + 1)
+    # No end of the target.
+    np.testing.assert_array_equal(result.nis_degrees_of_freedom, np.diff(result.used_offsets))
 
 
 def test_points_of_another_object_in_the_gate_are_not_used():
@@ -167,9 +167,8 @@ def test_an_end_at_the_border_of_the_field_of_view_is_not_used():
     mean = np.array([*poses[0], 4.0, 0.0, 0.0, 4.2, 1.7])
     half = np.arctan2(2.1, 9.15)
     ends = (-half - 0.1, half + 0.1), (-half, half + 0.1), (-half, half)
-    for view, count in zip((None, *(FieldOfView(*end) for end in ends)), (3, 3, 2, 1), strict=True):
-        rows = measure(mean, points, noises, SENSOR, 1.0, TRACKER, view)
-        # The velocity across the heading is one more.
+    for view, count in zip((None, *(FieldOfView(*end) for end in ends)), (2, 2, 1, 0), strict=True):
+        rows = measure(mean, points, noises, SENSOR, 1.0, TRACKER.corner_std, view)
         assert len(rows.innovations) - len(points) == count
 
 

@@ -11,16 +11,14 @@ from tracking_cases import CAR, START, scans_of, seen_car
 from stixel_cli.config.compose import compose
 from stixel_cli.measurements.scans import NO_SHARED_ERRORS, SharedErrors
 from stixel_cli.tracking import gp_ekf
-from stixel_cli.tracking.baselines import point
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.kalman import Step, smooth
-from stixel_cli.tracking.motion import MOVING, process_noise, transition
 
 COUNT, SIZE = 12, 3
 LAGS = (0, 1, 3, COUNT - 1, COUNT + 5, None)
-NAMES = ("point", "contour", "gp_ekf")
+NAMES = ("contour", "gp_ekf")
 SHIPPED = {name: compose([f"tracker={name}"]).configuration.tracker for name in NAMES}
 TRACKERS = {name: dataclasses.replace(one, lag=4) for name, one in SHIPPED.items()}
 CONTOUR = dataclasses.replace(TRACKERS["contour"], seen_by="fabricated", road_user="fixed")
@@ -108,13 +106,13 @@ def test_nothing_goes_back_across_a_restart_another_report_or_a_full_turn():
     means, _ = smooth(mixed, 2)
     np.testing.assert_array_equal(means[2:], smooth(held, 2)[0][2:])
     np.testing.assert_array_equal(means[:2], smooth(other, 2)[0][:2])
-    turn = 2.0 * np.pi * np.eye(SIZE)[1]
+    turn = 2.0 * np.pi * np.eye(SIZE)[2]
     turned = [*steps[:6]]
     for k, step in enumerate(steps[6:]):
         predicted = step.predicted_mean + min(k, 1) * turn
         means = {"mean": step.mean + turn, "predicted_mean": predicted}
         turned.append(dataclasses.replace(step, **means, before=turned[-1]))
-    means, expected = smooth(turned, None, heading=1)[0], smooth(steps, None)[0]
+    means, expected = smooth(turned, None)[0], smooth(steps, None)[0]
     np.testing.assert_allclose(means[:6], expected[:6], atol=1e-9)
     np.testing.assert_allclose(means[6:], expected[6:] + turn, atol=1e-9)
 
@@ -123,9 +121,8 @@ def test_nothing_goes_back_across_a_restart_another_report_or_a_full_turn():
 def tracks(name, count=None, shared_errors=NO_SHARED_ERRORS, **options):
     """The track of the first `count` scans of a car that turns."""
     if name != "contour":
-        function = point.track if name == "point" else gp_ekf.track
         tracker = dataclasses.replace(TRACKERS[name], **options)
-        return function(scans_of(seen_car(20, 30)[:count]), START, CAR, tracker)
+        return gp_ekf.track(scans_of(seen_car(20, 30)[:count]), START, CAR, tracker)
     scans = scans_seen(class_shape("car").outline, POSES[:count], noise=0.03)
     scans = dataclasses.replace(scans, shared_errors=shared_errors)
     tracker = dataclasses.replace(CONTOUR, **options)
@@ -157,32 +154,6 @@ def test_of_one_side_the_smoothed_track_states_the_covariance_of_the_filter():
     track = tracks("gp_ekf", lag=None)
     np.testing.assert_array_equal(track.covariances, track.smoothed.covariances)
     assert np.abs(track.means - track.smoothed.means)[:-1, :2].max() > 0.01
-
-
-def test_the_smoothed_point_is_the_joint_posterior():
-    tracker = dataclasses.replace(TRACKERS["point"], lag=None)
-    seen = seen_car(COUNT, 30)
-    whole = point.track(scans_of(seen), START, CAR, tracker)
-    assert len(whole.used_points) == 30 * COUNT
-    found = whole.smoothed
-    radius, _ = point.class_circle(CAR)
-    lone = (0.25 * radius**2 + tracker.measurement_std**2) / 30
-    chosen = np.ix_(MOVING, MOVING)
-    matrix, noise = transition(0.1)[chosen], process_noise(0.1, tracker.sigma_q, 0.0)[chosen]
-    # The joint information of all states, from the start on, and of all scans.
-    information, pull = np.zeros((4 * COUNT + 4, 4 * COUNT + 4)), np.zeros(4 * COUNT + 4)
-    information[:4, :4] = np.linalg.inv(START.covariance[chosen])
-    pull[:4] = information[:4, :4] @ START.mean[MOVING]
-    for k in range(COUNT):
-        row = np.zeros((4, 4 * COUNT + 4))
-        row[:, 4 * k : 4 * k + 4], row[:, 4 * k + 4 : 4 * k + 8] = -matrix, np.eye(4)
-        information += row.T @ np.linalg.inv(noise) @ row
-        place = slice(4 * k + 4, 4 * k + 6)
-        variance = (point.CENTROID_OFFSET * radius) ** 2 + lone
-        information[place, place] += np.eye(2) / variance
-        pull[place] += seen[k].mean(axis=0) / variance
-    expected = np.linalg.solve(information, pull).reshape(-1, 4)[1:]
-    np.testing.assert_allclose(found.means[:, MOVING], expected, atol=1e-6)
 
 
 def test_smoothing_brings_the_contour_nearer():

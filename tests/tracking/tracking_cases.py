@@ -17,7 +17,7 @@ SHAPE = {"length": 4.2, "width": 1.7, "shape": "rectangle", "corner_radius": 0.3
 CLASS = {"road_user": "car", "length_std": 0.06, "width_std": 0.06, "start_position": 0.3}
 CAR = PriorShape(**SHAPE, **STDS, **CLASS)
 
-CONTOUR = {"basis_points": 24, "length_scale": np.pi / 8, "mean_function": "zero", "jitter": 1e-6}
+CONTOUR = {"basis_points": 24, "length_scale": np.pi / 8}
 MOTION = {"sigma_q": 1.0, "sigma_q_psi": 0.2, "slip": None, "forgetting_rate": 1e-4, "lag": 0}
 POINTS = {"seen_by": None, "gate_probability": 0.99}
 TRACKER = GpEkfParameters(kind="gp_ekf", **CONTOUR, **MOTION, **POINTS, **STDS)

@@ -8,7 +8,6 @@ all of them: only the side towards the sensor is seen. It stays for as long as t
 seen, so no such filter can be consistent. Equations: `docs/theory.md`, "The centroid".
 """
 
-from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -16,11 +15,10 @@ from annotated_types import Ge, Le
 
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
-from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.kalman import PLACE, Step, correct, smooth
+from stixel_cli.tracking.kalman import PLACE, correct
 from stixel_cli.tracking.loop import Filtered
-from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING
+from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, predict_place, six_states
 from stixel_cli.tracking.prior import EVEN, PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
 
@@ -32,13 +30,11 @@ class PointParameters:
     Attributes:
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
         measurement_std: standard deviation of a point along each axis, m.
-        lag: later scans that a second, smoothed track uses; 0: there is none; null: all of the run.
     """
 
     kind: Literal["point"]
     sigma_q: Annotated[float, Ge(0), Le(100)]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
-    lag: Annotated[int, Ge(0)] | None
 
 
 CENTROID_OFFSET = np.pi / 4.0
@@ -68,40 +64,24 @@ def track(
     """
     radius, std = class_circle(prior)
     mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
+    heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
     lone = 0.25 * radius**2 + tracker.measurement_std**2
 
-    filtered, nis = Filtered(scans, 4), np.nan
-    steps: list[Step] = []
+    filtered, nis = Filtered(scans, 6), np.nan
     for scan in filtered:
-        moved = scan.interval, tracker.sigma_q
-        mean, covariance = predicted = motion.predict_place(mean, covariance, *moved)
-        spread = covariance[:2, :2] + lone * np.eye(2)
-        indices = associate(scan.points, mean[:2], spread)
+        motion = scan.interval, tracker.sigma_q
+        mean, covariance = predict_place(mean, covariance, *motion)
+        indices = associate(scan.points, mean[:2], covariance[:2, :2] + lone * np.eye(2))
         if len(indices):
-            variance = (CENTROID_OFFSET * radius) ** 2 + lone / len(indices)
+            noise = np.full(2, (CENTROID_OFFSET * radius) ** 2 + lone / len(indices))
             innovation = scan.points[indices].mean(axis=0) - mean[:2]
-            noise = np.full(2, variance)
             correction, covariance, nis = correct(covariance, PLACE, noise, innovation)
             mean = mean + correction
-        matrix = motion.transition(scan.interval)[np.ix_(MOVING, MOVING)]
-        steps.append(Step(mean, covariance, *predicted, steps[-1] if steps else None, matrix))
-        filtered.add(mean, covariance, indices, nis, degrees=2)
-
-    def reported(means: np.ndarray, covariances: np.ndarray) -> Track:
-        """The track of K estimates of place and velocity, with the circle as its contour."""
-        states, spreads = np.empty((len(scans), 6)), np.empty((len(scans), 6, 6))
-        heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
-        for k, interval in enumerate(motion.intervals(scans.times)):
-            moved = means[k], covariances[k], heading, interval, tracker.sigma_q
-            states[k], spreads[k] = motion.six_states(*moved)
-            heading = (states[k, 2], spreads[k, 2, 2])
-        _, directions = contour_directions(states[:, 2])
-        shift = shift_variances(directions, spreads)
-        contours = states[:, None, :2] + radius * directions, np.sqrt(std**2 + shift)
-        return filtered.track(contours, (states, spreads))
-
-    track = reported(*filtered.states)
-    if tracker.lag == 0:
-        return track
-    smoothed = reported(*smooth(steps, tracker.lag))
-    return replace(track, smoothed=replace(smoothed, lag=tracker.lag))
+        states, spread = six_states(mean, covariance, heading, *motion)
+        heading = (states[2], spread[2, 2])
+        filtered.add(states, spread, indices, nis, degrees=2)
+    means, covariances = filtered.states
+    _, directions = contour_directions(means[:, 2])
+    shift = shift_variances(directions, covariances)
+    contours = means[:, None, :2] + radius * directions, np.sqrt(std**2 + shift)
+    return filtered.track(contours)

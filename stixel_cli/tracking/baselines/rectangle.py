@@ -19,7 +19,7 @@ from stixel_cli.tracking.association import GATE, associate, uncut
 from stixel_cli.tracking.baselines.rectangle_contour import LEAST_SIZE, NORMALS, contours_of
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.loop import Filtered
-from stixel_cli.tracking.motion import predict, process_noise, velocity_across
+from stixel_cli.tracking.motion import predict, process_noise, tied_to_velocity
 from stixel_cli.tracking.prior import PriorShape, fullness_of
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -67,8 +67,8 @@ def track(
     """Track one target through `scans`: predict, associate, update at every scan, the first too.
 
     The size starts as that of the class's `prior`. Reads no truth. The reported states are x, y,
-    heading, their rates, length and width. Each point has one degree of freedom, each end of the
-    target that is used has one, and so has the velocity across the heading.
+    heading, their rates, length and width. Each point has one degree of freedom, and so has each
+    end of the target that is used.
     """
     from statistics import NormalDist
 
@@ -90,8 +90,9 @@ def track(
         spread = covariance[:2, :2] + area + noises
         indices = associate(scan.points, mean[:2], spread)
         if len(indices):
+            mean, covariance, *_ = tied_to_velocity(mean, covariance, tracker.slip)
             seen = scan.points[indices], noises[indices], scan.sensor
-            measured = measure(mean, *seen, fullness, tracker, scans.field_of_view)
+            measured = measure(mean, *seen, fullness, tracker.corner_std, scans.field_of_view)
             # The errors of the four sides are further states.
             whole = np.pad(covariance, (0, 4)) + of_sides
             predicted = np.einsum("mi,ij,mj->m", measured.matrix, whole, measured.matrix)
@@ -112,14 +113,14 @@ def measure(
     noises: np.ndarray,
     sensor_pose: np.ndarray,
     fullness: float,
-    tracker: RectangleParameters,
+    corner_std: float,
     field_of_view: FieldOfView | None,
 ) -> Rows:
     """The rows of points (n, 2) m with covariances (n, 2, 2) m², n > 0, at the state `mean` (8,).
 
-    First one for each point, then the two ends of the target where they can be used, then the
-    velocity across the heading. `sensor_pose` (3,) is that of the sensor in the world, `fullness`
-    the area of the class's shape over that of its box, `field_of_view` as in `Scans`.
+    First one for each point, then the two ends of the target where they can be used. `sensor_pose`
+    (3,) is that of the sensor in the world, `fullness` the area of the class's shape over that of
+    its box, `field_of_view` as in `Scans`.
     """
     turn = rotation(mean[2])
     body = target_from_world(points_world, mean[:3])
@@ -137,10 +138,8 @@ def measure(
     across = normals @ turn.T
     variances = np.einsum("ni,nij,nj->n", across, noises, across)
 
-    ends = _ends(mean, points_world, noises, sensor_pose, tracker.corner_std, field_of_view)
-    speed, of_speed = velocity_across(np.append(mean, np.zeros(4)))
-    slip = Rows(np.array([-speed]), of_speed[None], np.array([tracker.slip**2]))
-    parts = zip(Rows(-distances, points, variances), ends, slip, strict=True)
+    ends = _ends(mean, points_world, noises, sensor_pose, corner_std, field_of_view)
+    parts = zip(Rows(-distances, points, variances), ends, strict=True)
     return Rows(*(np.concatenate(part) for part in parts))
 
 

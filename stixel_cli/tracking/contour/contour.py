@@ -105,7 +105,9 @@ class ClassBank:
         """The next scan, an `interval` in s after the one before, with the `rays` of its points."""
         leader = self._kept.get(self._chosen[-1] if self._chosen else self._start)
         if leader:
-            others = self._background.others(rays, *leader.expected(interval))
+            free = self._kept.get((OTHER, "free"), leader)
+            places, reaches = zip(leader.expected(interval), free.expected(interval), strict=True)
+            others = self._background.others(rays, np.array(places), np.array(reaches))
             rays = replace(rays, others=others)
         if leader and leader.unseen and self._chosen:
             # What appears may be of another class: the reported one looks.

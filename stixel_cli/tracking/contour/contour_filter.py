@@ -37,6 +37,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.scene.parameters import CLASS_ROWS, ClassRow
+from stixel_cli.tracking.association import GATE_STDS
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
@@ -103,13 +104,13 @@ class ClassFilter:
         """Whether none of the last scans, or no scan yet, had points of the target."""
         return not any(one.degrees for one in self._reported[-RECENT:])
 
-    def expected(self, interval: float) -> tuple[np.ndarray, float, float]:
-        """Place (2,) m an `interval` in s later, half of the target's diagonal, the place's std."""
+    def expected(self, interval: float) -> tuple[np.ndarray, float]:
+        """Place (2,) m an `interval` in s later, and how far from there the target may reach, m."""
         mean, covariance, _ = self._hypotheses[0].state
         later, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
         variances = np.diag(matrix @ covariance @ matrix.T + noise)[:2]
         half = 0.5 * float(np.hypot(*(self.sight.table.extents * np.exp(mean[5:7]))))
-        return later[:2], half, np.sqrt(max(variances.sum(), 0.0))
+        return later[:2], half + GATE_STDS * np.sqrt(max(variances.sum(), 0.0))
 
     def step(self, interval: float, rays: Rays, recovers: bool) -> np.ndarray:
         """The next scan, an `interval` in s after the one before, with the `rays` of its points.
@@ -153,9 +154,7 @@ class ClassFilter:
         joint.predict(matrix, noise)
         prediction = mean, covariance, joint
         rays = self._at_heights(rays, mean)
-        indices = associate(
-            rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
-        )
+        indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight)
         # Only smoothing looks back; a filter without it keeps no chain of all its scans.
         before = None if self._tracker.lag == 0 else one
         prior = Hypothesis(prediction, one.log_likelihood, before=before, transition=matrix)
@@ -195,7 +194,7 @@ class ClassFilter:
         if self._tracker.lag == 0 or not count:
             return filtered
         steps = [one.step for one in self._reported]
-        means, covariances = smooth(steps, self._tracker.lag, heading=2)
+        means, covariances = smooth(steps, self._tracker.lag)
         # Smoothing leaves the same share of the stated covariance as of the gain's.
         for k, one in enumerate(self._reported):
             own, of_gain = np.diag(self._covariances[k]), np.diag(one.state[1])

@@ -31,7 +31,6 @@ class ContourParameters:
             rendered images: a matcher moves the edges of real objects.
         degrees_of_freedom: of the Student distribution of an error.
         iterations: most iterations of the update.
-        gate_std: width of the association's gate in standard deviations.
         lag: later scans that a second, smoothed track uses; 0: there is none; null: all of the run.
     """
 
@@ -48,7 +47,6 @@ class ContourParameters:
     silhouette_std: Annotated[float, Ge(0), Le(10)]
     degrees_of_freedom: Annotated[float, Gt(0), Le(1000)]
     iterations: Annotated[int, Ge(1), Le(50)]
-    gate_std: Annotated[float, Gt(0), Le(20)]
     lag: Annotated[int, Ge(0)] | None
     contour_points: ClassVar[int] = 240
     """Number M of points of the contour that is reported: no estimate depends on it."""

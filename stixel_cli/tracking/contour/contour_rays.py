@@ -8,7 +8,9 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.measurements.clusters import GAP
 from stixel_cli.measurements.scans import BEARING, FieldOfView
+from stixel_cli.tracking.association import GATE_STDS
 from stixel_cli.tracking.contour.class_shape import (
     HEIGHTS,
     class_shape,
@@ -24,9 +26,6 @@ from stixel_cli.tracking.contour.residual import Residual
 NEAR, NEAR_ACROSS = 0.3, 0.15
 """A point this near to the expected one, m, along the ray and across, is in every gate. A point
 that is by the first nearer than an end, and no farther beside it, or on the next ray, hides it."""
-
-GAP = 0.6
-"""Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
 
 EDGE_ON = 2.5
 """Baselines. A face whose plane passes the left camera by less is so short in the right image that
@@ -230,7 +229,6 @@ def associate(
     pose_and_size: np.ndarray,
     covariance: np.ndarray,
     sight: Sight,
-    tracker: ContourParameters,
 ) -> np.ndarray:
     """Indices (m,) of the points in the gate round the predicted target, ascending.
 
@@ -243,12 +241,13 @@ def associate(
     ranges, misses, stds = expected(pose_and_size, rays.sensor, rays.directions, sight.table.arrays)
     across = np.einsum("ni,ij,nj->n", rays.normals, covariance[:2, :2], rays.normals)
     along = covariance[0, 0] + covariance[1, 1] - across
-    reach = np.hypot(*sight.table.extents)
-    turned = 0.25 * reach**2 * covariance[2, 2]
+    turned = 0.25 * np.hypot(*sight.table.extents) ** 2 * covariance[2, 2]
+    grown = (0.5 * sight.table.extents * np.exp(pose_and_size[3:])) ** 2 * np.diag(covariance)[3:]
+    along, across = along + turned, across + turned
+    along += (rays.directions @ rotation(pose_and_size[2])) ** 2 @ grown
     errors = rays.ranges - ranges - sight.bias_per_std * rays.stds
-    variance = rays.stds**2 + stds**2 + along + turned
-    fits = np.abs(errors) < NEAR + tracker.gate_std * np.sqrt(variance)
-    meets = misses < NEAR_ACROSS + tracker.gate_std * np.sqrt(across + turned)
+    fits = np.abs(errors) < NEAR + GATE_STDS * np.sqrt(rays.stds**2 + stds**2 + along)
+    meets = misses < NEAR_ACROSS + GATE_STDS * np.sqrt(across)
     inside = fits & meets & ~rays.others
     if inside.any():
         inside &= _of_target(segments(rays), inside)
@@ -269,8 +268,9 @@ def _of_target(labels: np.ndarray, inside: np.ndarray) -> np.ndarray:
 def segments(rays: Rays) -> np.ndarray:
     """Labels (n,) of the stretches of neighbouring rays whose points are near each other.
 
-    A label is the place of its first point in the order of bearings. Where a bearing has points of
-    several objects, a neighbour is one of the next few.
+    They are so up to `GAP` and four standard deviations. A label is the place of its first point in
+    the order of bearings. Where a bearing has points of several objects, a neighbour is one of the
+    next few.
     """
     order, labels = np.argsort(rays.bearings, kind="stable"), np.arange(len(rays.bearings))
     neighbours = 1 if rays.heights is None else NEIGHBOURS

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stixel_cli.tracking.association import uncut
+from stixel_cli.tracking.association import GATE_STDS, uncut
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import OUTLINE_STD
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
@@ -148,7 +148,7 @@ class Measurement:
         noise = measured.variances[ends] + measured.across_variances[measured.ends]
         variance = slopes @ joint.matrix[: joint.size, : joint.size] @ slopes
         variance += (noise + rows.stds[ends] ** 2).sum()
-        if missing.sum() > self._tracker.gate_std * np.sqrt(variance):
+        if missing.sum() > GATE_STDS * np.sqrt(variance):
             measured.used[first + missing.argmax()] = False
             self._hidden_ends = 1
 
@@ -165,8 +165,8 @@ class Measurement:
         nis, likelihood = normalised_innovation_squared(
             joint.matrix, matrix[used], noise[used], found.innovations[used]
         )
-        likelihood += np.log(2.0 * (NEAR + self._tracker.gate_std * self.rays.stds)).sum()
-        likelihood -= 0.5 * self._tracker.gate_std**2 * self._hidden_ends
+        likelihood += np.log(2.0 * (NEAR + GATE_STDS * self.rays.stds)).sum()
+        likelihood -= 0.5 * GATE_STDS**2 * self._hidden_ends
         missed = np.minimum(rows.insides, 0.0) ** 2 / measured.miss_variances
         joint = joint.copy()
         joint.correct(gain, matrix, gain * noise)

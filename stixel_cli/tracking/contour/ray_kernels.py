@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from stixel_cli.geometry.kernel import returning
+
 CAP = 0.5
 """Of half the length or the width: a change of the size moves what is nearer to an end by as much
 as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks real cars whose front
@@ -22,9 +24,9 @@ LEAST_COSINE = 0.2
 """Of the angle between a ray and a face's normal: the effect of an oblique face has this limit."""
 
 
-def expected(
-    state: np.ndarray, sensor: np.ndarray, directions: np.ndarray, table: tuple[np.ndarray, ...]
-) -> np.ndarray:
+@returning(lambda state, sensor, directions, table: np.empty((3, len(directions))))
+@njit(cache=True, error_model="numpy")
+def expected(found, state, sensor, directions, table):
     """What a state of a target predicts for the rays of a scan.
 
     `state` (5,): x, y, heading, and the logarithms of the factors on length and width; `sensor`
@@ -34,14 +36,6 @@ def expected(
         (3, n) m: ranges; misses, how far outside of the shape's seen limits each ray passes,
         negative inside; standard deviations of the ranges.
     """
-    found = np.empty((3, len(directions)))
-    _expect(found, state, sensor, directions, table)
-    return found
-
-
-@njit(cache=True, error_model="numpy")
-def _expect(found, state, sensor, directions, table):
-    """Write `expected`."""
     cosine, sine = cos(state[2]), sin(state[2])
     dx, dy = sensor[0] - state[0], sensor[1] - state[1]
     x, y = cosine * dx + sine * dy, cosine * dy - sine * dx

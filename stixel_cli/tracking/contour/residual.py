@@ -8,9 +8,7 @@ have in common is estimated, and the size and the pose need not absorb it.
 """
 
 import numpy as np
-from numba import njit
 
-from stixel_cli.geometry.kernel import returning
 from stixel_cli.tracking.contour.class_shape import ClassShape
 
 NODES = 16
@@ -33,7 +31,7 @@ class Residual:
         edges = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
         self._outline, self._half = outline, 0.5 * np.ptp(outline, axis=0)
         self._normals = np.stack([edges[:, 1], -edges[:, 0]], axis=-1)
-        self._weights = node_weights(self._angles(outline))
+        self._weights = self.weights_at(outline, np.zeros(7))
 
     def outline(self, state: np.ndarray) -> np.ndarray:
         """The outline (N, 2) m of a `state` (7 + NODES,), in the target's frame."""
@@ -44,7 +42,13 @@ class Residual:
 
     def weights_at(self, outline: np.ndarray, state: np.ndarray) -> np.ndarray:
         """The weights (n, NODES) at points of an `outline` (n, 2) m of the `state`."""
-        return node_weights(self._angles(outline / np.exp(state[5:7])))
+        x, y = (outline / np.exp(state[5:7]) / self._half).T
+        positions = np.arctan2(y, x) * (NODES / (2.0 * np.pi))
+        nodes, rows = np.floor(positions).astype(int), np.arange(len(outline))
+        weights = np.zeros((len(outline), NODES))
+        weights[rows, nodes % NODES] = 1.0 - (positions - nodes)
+        weights[rows, (nodes + 1) % NODES] = positions - nodes
+        return weights
 
     def box_centre(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How far the residual moves the middle of the box, (2,) m; slopes (2, NODES) by it."""
@@ -60,20 +64,6 @@ class Residual:
             weights = np.einsum("na,na,nk->ak", at, normals, self._weights)
             slopes += 0.5 * weights / at.sum(axis=0)[:, None]
         return shift, slopes
-
-    def _angles(self, points: np.ndarray) -> np.ndarray:
-        return np.arctan2(points[:, 1] / self._half[1], points[:, 0] / self._half[0])
-
-
-@returning(lambda angles: np.zeros((len(angles), NODES)))
-@njit(cache=True)
-def node_weights(weights, angles):
-    """Weights (n, 16) of nodes that are even over a turn, at `angles` (n,) rad: linear between."""
-    for i in range(len(angles)):
-        position = angles[i] * (NODES / (2.0 * np.pi))
-        node = int(np.floor(position))
-        weights[i, node % NODES] = 1.0 - (position - node)
-        weights[i, (node + 1) % NODES] = position - node
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
