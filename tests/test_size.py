@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_484
+TOTAL = 44_486
 """Greatest number of lines in all."""
 
 MODULES = 239
@@ -24,7 +24,7 @@ BUDGET = {
     "benchmark": 1000,
     "border": 656,
     "calibration": 559,
-    "cli": 2574,
+    "cli": 2576,
     "config": 2486,
     "engine": 4048,
     "evaluation": 1568,
