@@ -271,18 +271,18 @@ def segments(rays: Rays) -> np.ndarray:
     """
     order, labels = np.argsort(rays.bearings, kind="stable"), np.arange(len(rays.bearings))
     neighbours = 1 if rays.heights is None else NEIGHBOURS
-    _join(labels, rays.points_world[order], rays.stds[order], neighbours)
+    _join(labels, rays.points_world[order], rays.stds[order], GAP, neighbours)
     labels[order] = labels.copy()
     return labels
 
 
 @njit(cache=True)
-def _join(labels, points, stds, neighbours):
+def _join(labels, points, stds, gap, neighbours):
     """Give points the label of one of the `neighbours` before them that is near, and join both."""
     for i in range(len(labels)):
         for j in range(max(i - neighbours, 0), i):
             apart = hypot(points[i, 0] - points[j, 0], points[i, 1] - points[j, 1])
-            if apart <= GAP + 2.0 * (stds[i] + stds[j]):
+            if apart <= gap + 2.0 * (stds[i] + stds[j]):
                 first, second = min(labels[i], labels[j]), max(labels[i], labels[j])
                 for k in range(second, i + 1):
                     if labels[k] == second:
