@@ -122,17 +122,13 @@ def track(
             last = steps[-1] if steps else None
             steps.append(Step(mean, covariance, *predicted, last, transition))
 
-    def reported(*states: np.ndarray) -> Track:
-        return filtered.track(contours_of(*states, process), states)
-
-    means, covariances = filtered.states
-    track = reported(means, covariances)
-    if tracker.lag == 0:
-        return with_sensor_errors(track, scans)
-    smoothed_means, smoothed_covariances = smooth(steps, tracker.lag)
-    # Of errors that scans share, later scans take little: those of the filter are stated.
-    smoothed = reported(smoothed_means, covariances if side else smoothed_covariances)
-    track = replace(track, smoothed=replace(smoothed, lag=tracker.lag))
+    track = filtered.track(contours_of(*filtered.states, process))
+    if tracker.lag != 0:
+        means, covariances = smooth(steps, tracker.lag)
+        # Of errors that scans share, later scans take little: those of the filter are stated.
+        states = means, filtered.states[1] if side else covariances
+        smoothed = filtered.track(contours_of(*states, process), states)
+        track = replace(track, smoothed=replace(smoothed, lag=tracker.lag))
     return with_sensor_errors(track, scans)
 
 
@@ -159,10 +155,7 @@ def _updated(
         mean, covariance, _, nis = update(mean, covariance, model, variance, tangential=True)
         return mean, covariance, indices, nis
     taken = rays.subset(indices)
-    moved = side.between_ends(taken, insets[indices], mean, covariance)
-    if moved is not None:
-        mean, *ends = moved
-        side.correct_by_one(*ends)
+    mean = side.between_ends(taken, insets[indices], mean, covariance)
     model = side.linearised(taken, mean)
     mean, covariance, gain, _ = update(mean, covariance, model, variance, tangential=False)
     nis = side.correct_by_scan(gain, model, taken, shape_stds[indices])

@@ -219,20 +219,18 @@ class OneSide(JointCovariance):
 
     def between_ends(
         self, rays: Rays, insets: np.ndarray, mean: np.ndarray, covariance: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float] | None:
+    ) -> np.ndarray:
         """The `mean` (6 + N,), moved across the rays so that its ends are those of the points.
 
-        Or as far outside of them as the `insets` (n,) m of the visible shape. With the gain
-        (6 + N,), the derivative (6 + N,) of the mean of the ends by the states, and its variance,
-        m². Ranges hardly measure the place across the rays, and the slope of a narrow target's
-        radius holds for a few degrees only. An end at the border of the field of view, or beside a
-        nearer object, is not used; None: neither is.
+        Or as far outside of them as the `insets` (n,) m of the visible shape. Ranges hardly measure
+        the place across the rays, and the slope of a narrow target's radius holds for a few degrees
+        only. An end at the border of the field of view, or beside a nearer object, is not used.
         """
         ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
         seen = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
         seen &= ~np.array(rays.hidden)
         if len(rays.ranges) < 2 or not seen.any():
-            return None
+            return mean
         directions, share = rays.directions, seen / seen.sum()
         ahead = directions.sum(axis=0) / np.hypot(*directions.sum(axis=0))
         left = np.array([-ahead[1], ahead[0]])
@@ -249,7 +247,8 @@ class OneSide(JointCovariance):
         # As if only the place were wrong: the ends do not tell a turn from a shift.
         spread = covariance[:, :2] @ row[:2]
         gain = spread / (row[:2] @ spread[:2] + self._end_std**2)
-        return mean + gain * offset, gain, row, self._end_std**2
+        self.correct_by_one(gain, row, self._end_std**2)
+        return mean + gain * offset
 
     def correct_by_scan(
         self, gain: np.ndarray, model: Linearisation, rays: Rays, shape_stds: np.ndarray
