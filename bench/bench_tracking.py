@@ -152,7 +152,7 @@ def information_scan(mean, covariance, points):
 
 def fast_scan(mean, covariance, points):
     noise = process_noise(INTERVAL, 1.0, 0.2)
-    mean, covariance = predict(mean, covariance, INTERVAL, noise, 1e-4, PROCESS)
+    mean, covariance = predict(mean, covariance, INTERVAL, noise, 1e-4, PROCESS.covariance)
     model = linearise(points, mean, PROCESS)
     return update(mean, covariance, model, STD**2, tangential=True)[:2]
 
