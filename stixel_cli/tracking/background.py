@@ -45,7 +45,7 @@ class Background:
         return (np.linalg.norm(points[:, None] - self._places[rows], axis=2) < GAP).any(axis=1)
 
     def _learn(self, points_world: np.ndarray, beyond: np.ndarray, labels: np.ndarray) -> None:
-        """Remember points (n, 2) m of objects, labelled from 0 on, all of them > 0 m `beyond`."""
+        """Remember points (n, 2) m of the objects, labelled from 0 on, that are wholly `beyond`."""
         nearest = np.full(labels.max() + 1, np.inf)
         np.minimum.at(nearest, labels, beyond)
         places = np.concatenate([self._places, points_world[nearest[labels] > 0.0]])

@@ -187,10 +187,8 @@ def test_a_truck_that_comes_nearer_is_not_what_stood_elsewhere(offset):
     poses = np.column_stack(
         [np.full(20, -2.0), 34.0 - 0.5 * np.arange(20), np.full(20, -np.pi / 2)]
     )
-    scans, prior = (
-        scans_seen(rectangle(*size), poses, 0.03),
-        replace(PRIOR, length=length, width=width),
-    )
+    scans = scans_seen(rectangle(*size), poses, 0.03)
+    prior = replace(PRIOR, length=length, width=width)
     errors = track(scans, start_at(poses, offset), prior, FILE).means[:, :2] - poses[:, :2]
     assert np.hypot(*errors.T).max() < 1.0
 
