@@ -9,7 +9,7 @@ seen does not grow into its neighbours.
 import numpy as np
 
 from stixel_cli.measurements.clusters import GAP
-from stixel_cli.tracking.contour.contour_rays import Rays, segments
+from stixel_cli.tracking.contour.contour_rays import Rays
 
 _NUMBER = np.array([2.0**26, 1.0])
 """Times the two whole numbers of a square is one number, in lexicographic order."""
@@ -37,7 +37,7 @@ class Background:
         apart = np.linalg.norm(points[:, None] - places, axis=2) - reaches
         beyond = apart.min(axis=1) - GAP
         if (beyond > 0.0).any():
-            self._learn(points, beyond, segments(rays))
+            self._learn(points, beyond, rays.labels)
         if not len(self._places) or not len(points):
             return np.zeros(len(points), bool)
         squares = (np.round(points / GAP) @ _NUMBER)[:, None] + _AROUND

@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.measurements.clusters import clusters_of
+from stixel_cli.measurements.clusters import LARGEST, clusters_of
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.parameters import CLASS_ROWS
@@ -28,10 +28,6 @@ a car is not found. A track ends after so many without its cluster: with 3 start
 
 ACCELERATION = 3.0
 """Process noise, m/s^1.5, as of `tracker=point`. With 1 there are two false tracks."""
-
-LARGEST = 1.6
-"""A cluster of a road user is at most this many times the class's diagonal long. With 1 a car is
-not found, with 2.2 there are two false tracks."""
 
 OF_SENSOR = 0.05
 """A road user is faster than `LEAST_SPEED` plus this share of the sensor's speed: the error of the

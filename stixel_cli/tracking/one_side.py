@@ -28,7 +28,6 @@ from stixel_cli.tracking.contour.contour_rays import (
     FACES,
     Rays,
     rays_of,
-    segments,
     sight_of,
 )
 from stixel_cli.tracking.contour.ray_kernels import expected
@@ -187,7 +186,7 @@ class OneSide(JointCovariance):
         candidates = candidates[~rays.others[candidates]]
         if not len(candidates):
             return candidates
-        labels = segments(rays)[candidates]
+        labels = rays.labels[candidates]
         model = linearise(rays.points_world[candidates], mean, self._process)
         weights = 1.0 / (1.0 + (model.residuals / REACH) ** 2)
         main = labels == np.bincount(labels, weights).argmax()

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
-from stixel_cli.measurements.clusters import GAP
+from stixel_cli.measurements.clusters import GAP, LARGEST
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.contour.class_size import SIZES, possible_sizes
-from stixel_cli.tracking.followed import BEGIN, LARGEST, OpenTrack, ScansStart, follow, state_of
+from stixel_cli.tracking.followed import BEGIN, OpenTrack, ScansStart, follow, state_of
 from stixel_cli.tracking.motion import LEAST_SPEED
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import FoundTrack, InitialState, ObjectTrack

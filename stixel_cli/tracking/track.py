@@ -232,14 +232,15 @@ def with_sensor_errors(track: Track, scans: "Scans") -> Track:
         moved[k, :3] = scans.pose_shifts(k, mean[:3])
     steps = np.diff(track.times)[:, None, None]
     np.divide(np.diff(moved[:, :3], axis=0), steps, out=moved[1:, 3:6], where=steps > 0.0)
-    added = moved @ moved.transpose(0, 2, 1)
+    smoothed = track.smoothed and with_sensor_errors(track.smoothed, scans)
+    return replace(widened(track, moved @ moved.transpose(0, 2, 1)), smoothed=smoothed)
+
+
+def widened(track: Track, added: np.ndarray) -> Track:
+    """The `track` with `added` (K, D, D) covariances, of the centre for the contour."""
     variances = track.contour_std**2 + shift_variances(track.contour_directions, added)
-    return replace(
-        track,
-        covariances=track.covariances + added,
-        contour_std=np.sqrt(variances),
-        smoothed=track.smoothed and with_sensor_errors(track.smoothed, scans),
-    )
+    covariances = track.covariances + added
+    return replace(track, covariances=covariances, contour_std=np.sqrt(variances))
 
 
 def check_finite(track: Track, name: str = "the tracker") -> None:

@@ -72,7 +72,7 @@ def test_contour_estimates_the_size():
     small = replace(PRIORS["car"], length=0.93 * PRIORS["car"].length)
     result = track(scans_seen(poses, noise=0.02), start_at(poses), small, TRACKER)
     assert abs(result.means[-1, 6]) < 0.02
-    assert result.covariances[-1, 6, 6] < TRACKER.length_std**2
+    assert result.covariances[-1, 6, 6] < small.length_std**2
 
 
 def position_nees(result, poses):
@@ -139,8 +139,9 @@ def test_prediction_and_report_match_their_linearisations(seed):
     quiet = replace(TRACKER, acceleration=0.0, turn_acceleration=0.0, slip=0.0)
     root = random.standard_normal((7, 7))
     covariance = root @ root.T
-    _, matrix, noise = predict(mean, 0.1, quiet, SIZE)
-    assert_allclose(matrix, jacobian(lambda m: predict(m, 0.1, quiet, SIZE)[0], mean), atol=1e-6)
+    size = SIZE, np.array([0.07, 0.04])
+    _, matrix, noise = predict(mean, 0.1, quiet, *size)
+    assert_allclose(matrix, jacobian(lambda m: predict(m, 0.1, quiet, *size)[0], mean), atol=1e-6)
     assert noise[2, 2] == pytest.approx(1e-5) and np.trace(noise[:5, :5]) == noise[2, 2]
     whole, residual = np.zeros((1, 7 + NODES, 7 + NODES)), Residual(SHAPES["car"])
 
@@ -179,13 +180,14 @@ def test_stated_deviation_of_the_contour_is_that_of_random_states(name):
 def test_start_turns_the_heading_towards_the_velocity():
     covariance = np.diag([0.1, 0.1, 0.04, 0.01, 0.01, 0.01])
     initial = InitialState(np.array([0.0, 10.0, 0.0, 5.0, 0.5, 0.0]), covariance)
-    mean, covariance = start(initial, CAR, SHAPES["car"], TRACKER, Residual(SHAPES["car"]))
+    mean, covariance = start(initial, SIZE, np.array([0.07, 0.04]))
     assert mean[2] == pytest.approx(0.1, abs=0.01)
     assert covariance[2, 2] < 0.002
-    assert_allclose(mean[5:7], np.log([CAR.length, CAR.width] / SHAPES["car"].size))
+    assert_allclose(mean[5:7], SIZE)
+    assert_allclose(np.diag(covariance)[5:7], [0.07**2, 0.04**2])
     # Without a velocity the heading is as good as it was.
     resting = InitialState(initial.mean * [1, 1, 1, 0, 0, 1], initial.covariance)
-    covariance = start(resting, CAR, SHAPES["car"], TRACKER, Residual(SHAPES["car"]))[1]
+    covariance = start(resting, SIZE, np.array([0.07, 0.04]))[1]
     assert covariance[2, 2] == pytest.approx(0.04)
 
 
@@ -290,7 +292,7 @@ def test_the_information_form_is_the_kalman_update(seed, count):
 def test_what_a_scan_does_to_the_joint_covariance_is_the_dense_update(form):
     """With rays that pass by the shape, too."""
     random = np.random.default_rng(3)
-    _, sight, tracker = forms_of("car", PRIORS["car"], TRACKER)[form]
+    _, sight = forms_of("car", PRIORS["car"], TRACKER)[form]
     points = seen(np.array([[3.0, 15.0, 0.4]]), noise=0.05)[0][0]
     beside = np.array([[points[:, 0].min() - 1.0, 15.0], [points[:, 0].max() + 1.0, 15.0]])
     points = np.concatenate([points, beside])
@@ -303,7 +305,7 @@ def test_what_a_scan_does_to_the_joint_covariance_is_the_dense_update(form):
     joint.matrix = np.eye(len(root)) + 0.02 * root @ root.T
     mean = np.zeros(states)
     mean[:3] = 3.1, 15.1, 0.38
-    measurement = Measurement(rays, np.arange(len(points)), sight, tracker)
+    measurement = Measurement(rays, np.arange(len(points)), sight, TRACKER)
     found = measurement.fit(mean, 0.05 * np.eye(states), mean)
     rows, measured, count = found.rows, measurement._measured, len(points)
     assert len(rows.errors) > count + 2

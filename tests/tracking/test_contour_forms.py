@@ -23,7 +23,6 @@ from stixel_cli.tracking.contour.contour import may_be, track
 from stixel_cli.tracking.contour.contour_rays import (
     associate,
     sampling_inset,
-    segments,
     sight_of,
 )
 from stixel_cli.tracking.contour.contour_report import contours_of, reported
@@ -232,12 +231,14 @@ def test_a_fixed_class_and_a_stated_one_are_not_replaced(seen_by):
     poses = turning(15, 4.0, 0.3)
     scans, start = scans_seen(SHAPE.outline, poses, noise=0.05), start_at(poses)
     length, width = class_size("cyclist").mean.tolist()
-    cyclist = replace(PRIOR, road_user="cyclist", length=length, width=width)
-    tracker = replace(FILE, seen_by=seen_by, length_std=0.03, width_std=0.1)
+    cyclist = replace(
+        PRIOR, road_user="cyclist", length=length, width=width, length_std=0.03, width_std=0.1
+    )
+    tracker = replace(FILE, seen_by=seen_by)
     assert track(scans, start, cyclist, tracker).class_replaced[-1]
     fixed = replace(tracker, road_user="fixed")
     assert track(scans, start, cyclist, fixed).class_replaced is None
-    stated = replace(cyclist, length=2.2, width=0.6, length_std=0.03, width_std=0.1)
+    stated = replace(cyclist, length=2.2, width=0.6)
     assert track(scans, start, stated, tracker).class_replaced is None
 
 
@@ -293,8 +294,8 @@ def test_points_of_a_neighbour_are_not_the_targets():
     (own, _), _ = seen(SHAPE.outline, poses)
     wall = np.column_stack([np.linspace(3.6, 9.0, 60), np.full(60, 14.3)])
     rays = rays_at(np.concatenate([own, wall]))
-    assert len(np.unique(segments(rays))) >= 2
-    _, sight, _ = forms_of("car", PRIOR, FILE)["class"]
+    assert len(np.unique(rays.labels)) >= 2
+    _, sight = forms_of("car", PRIOR, FILE)["class"]
     state, covariance = np.array([0.0, 15.0, 0.0, 0.0, 0.0]), np.diag([0.3, 0.3, 0.01, 0.0, 0.0])
     taken = associate(rays, state, covariance, sight)
     assert taken.max() < len(own) and len(taken) > 0.9 * len(own)
@@ -322,12 +323,12 @@ def test_far_from_a_lidar_the_ends_are_between_its_rays(y, least, most):
 def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
     even = rays_at([[x, 20.0] for x in np.linspace(-1.0, 1.0, 6)])
     uneven = rays_at([[x, 20.0] for x in (-1.0, -0.95, -0.9, -0.1, 0.95, 1.0)])
-    _, sight, tracker = forms_of("car", PRIOR, FILE)["class"]
+    _, sight = forms_of("car", PRIOR, FILE)["class"]
     assert sampling_inset(uneven, sight)[1] > 10.0 * sampling_inset(even, sight)[1]
     state = np.concatenate([[0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
     covariance = 0.1 * np.eye(len(state))
     joint = JointCovariance(covariance, 0)
     prior, rays = Hypothesis((state, covariance, joint)), rays_at([[-0.8, 21.0], [0.8, 21.0]])
     for count, degrees in ((1, 1), (2, 4)):
-        measurement = Measurement(rays, np.arange(count), sight, tracker)
+        measurement = Measurement(rays, np.arange(count), sight, FILE)
         assert measurement.update(prior).degrees == degrees

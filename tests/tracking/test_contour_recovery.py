@@ -136,7 +136,7 @@ def test_what_the_scans_say_of_the_size_fades():
     result = track(scans, start_at(poses), KNOWN, TRACKER)
     assert result.means[19, 6] > 0.04
     assert result.means[-1, 6] == pytest.approx(0.0, abs=1e-3)
-    assert np.sqrt(result.covariances[-1, 6, 6]) == pytest.approx(TRACKER.length_std, rel=0.01)
+    assert np.sqrt(result.covariances[-1, 6, 6]) == pytest.approx(KNOWN.length_std, rel=0.01)
 
 
 def test_the_box_has_room_for_the_limbs():

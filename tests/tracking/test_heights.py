@@ -17,7 +17,7 @@ from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.baselines import rectangle
 from stixel_cli.tracking.contour import contour
 from stixel_cli.tracking.contour.class_shape import HEIGHTS
-from stixel_cli.tracking.contour.contour_rays import FACES, at_heights, rays_of, segments
+from stixel_cli.tracking.contour.contour_rays import FACES, at_heights, rays_of
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.start import noisy_start
 
@@ -99,7 +99,7 @@ def test_points_over_a_hedge_are_one_segment_and_the_hedge_is_another():
     found, _ = over_a_hedge().nearest_returns()
     rays = rays_of(found.points_world, found.covariances_world, np.zeros(3), heights=found.heights)
     hedge = np.hypot(*found.points_world.T) < 10.0
-    labels = segments(rays)
+    labels = rays.labels
     assert len({*labels[hedge]}) == len({*labels[~hedge]}) == 1
     assert labels[hedge][0] != labels[~hedge][0]
 

@@ -22,14 +22,16 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.geometry.pose import rotation
+from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
+from stixel_cli.tracking.association import GATE_STDS
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_size import ClassSize, class_size, states_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import FACES, Rays, rays_of
+from stixel_cli.tracking.contour.contour_update import CONTRADICTED
 from stixel_cli.tracking.contour.forms import forms_of, free_form
 from stixel_cli.tracking.loop import each_scan
 from stixel_cli.tracking.prior import PriorShape
@@ -39,19 +41,12 @@ from stixel_cli.tracking.track import (
     InitialState,
     Track,
     used_rows,
+    widened,
     with_sensor_errors,
 )
 
-CONTRADICTED, DROPPED = 50.0, 100.0
-"""The scans contradict the prior's class once the log odds of another are above the first. Any
-other class is dropped at the second: of 108 runs with a wrong one, the right was never below -68.
-
-The errors of successive scans are alike, so a wrong class may be more likely for some scans: at the
-odds of 100 : 1 that was so in one of 45 runs of tuning seeds, a cyclist seen from its front.
-"""
-
-GREATEST_DEVIATION = 3.0
-"""A target whose size is farther from a class's mean, in its standard deviations, is not of it."""
+Key = tuple[str, str]
+"""Class and form of a filter."""
 
 
 def track(
@@ -88,18 +83,19 @@ class ClassBank:
         self._own = None if prior.road_user == "unknown" else prior.road_user
         for road_user in ROAD_USER_CLASSES if prior.class_file is None else (prior.class_file,):
             if may_be(road_user, prior, tracker.road_user):
-                start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
-                for form, seen in forms_of(road_user, prior, parameters).items():
+                start, of_class = _of_class(road_user, initial, prior)
+                for form, seen in forms_of(road_user, prior, tracker).items():
                     self._filters[road_user, form] = ClassFilter(
-                        start, of_class, *seen, face_errors
+                        start, of_class, *seen, tracker, face_errors
                     )
         if tracker.road_user == "estimated" and not (prior.class_file or states_size(prior)):
-            of_none, *seen = free_form(prior, tracker)
-            self._filters[OTHER, "free"] = ClassFilter(initial, of_none, *seen, face_errors)
-        self._kept, self._best = dict(self._filters), 0.0
+            of_none = free_form(prior)
+            self._filters[OTHER, "free"] = ClassFilter(initial, *of_none, tracker, face_errors)
+        self._kept = dict(self._filters)
         self._background = Background()
         self._start = next((key for key in self._filters if key[0] == self._own), None)
         self._assumed, self._chosen, self._log_weights = self._own, [], []
+        self._spreads: list[np.ndarray] = []
 
     def step(self, interval: float, rays: Rays) -> None:
         """The next scan, an `interval` in s after the one before, with the `rays` of its points."""
@@ -111,24 +107,15 @@ class ClassBank:
             rays = replace(rays, others=others)
         if leader and leader.unseen and self._chosen:
             # What appears may be of another class: the reported one looks.
-            used = leader.step(interval, rays, True)
+            used = leader.step(interval, rays)
             rays = replace(rays, others=~np.isin(np.arange(len(rays.ranges)), used))
         else:
             leader = None
         for one in self._kept.values():
-            # Re-detection costs seven updates; skip it for classes that the scans rule out.
-            probable = not one.log_weights or one.log_weights[-1] > self._best - CONTRADICTED
             if one is not leader:
-                one.step(interval, rays, probable)
+                one.step(interval, rays)
         self._choose()
-        # A class that a stretched size keeps likely does not rule out others.
-        likely = [one.log_weights[-1] for one in self._kept.values() if not _is_far(one)]
-        self._best = max(likely, default=-np.inf)
-        self._kept = {
-            (road_user, form): one
-            for (road_user, form), one in self._kept.items()
-            if one.log_weights[-1] >= self._best - DROPPED or road_user == self._own
-        }
+        self._kept = not_ruled_out(self._kept, self._own)
 
     def _choose(self) -> None:
         """Which filter is reported at this scan.
@@ -146,10 +133,20 @@ class ClassBank:
             self._assumed = None
         self._chosen.append(max((key for key in weights if key[0] == name), key=weights.get))
         self._log_weights.append(of_class)
+        self._spreads.append(self._spread(np.array([*weights.values()])))
+
+    def _spread(self, log_weights: np.ndarray) -> np.ndarray:
+        """How far the filters are from the reported one, as probable as they are: (8, 8)."""
+        shares = np.exp(log_weights - np.logaddexp.reduce(log_weights))
+        reported = self._kept[self._chosen[-1]].reported
+        away = np.stack([one.reported for one in self._kept.values()]) - reported
+        away[:, 2], away[:, 6:] = wrap_angle(away[:, 2]), 0.0
+        return (away.T * shares) @ away
 
     def latest(self) -> Track:
         """`track` of the last scan alone, at time 0, from no later one."""
-        return replace(self._filters[self._chosen[-1]].latest(), **self._classes(slice(-1, None)))
+        track = widened(self._filters[self._chosen[-1]].latest(), np.array(self._spreads[-1:]))
+        return replace(track, **self._classes(slice(-1, None)))
 
     def track(self, times: np.ndarray, offsets: np.ndarray) -> Track:
         """The track of all scans, at `times` (K,) s, whose first rows are `offsets` (K,)."""
@@ -157,9 +154,8 @@ class ClassBank:
             return next(iter(self._filters.values())).track(times, offsets)
         tracks = {key: self._filters[key].track(times, offsets) for key in set(self._chosen)}
         classes = self._classes(slice(None))
-        if len(tracks) == 1 and not any(one is not None for one in classes.values()):
-            return tracks[self._chosen[0]]
         filtered = replace(_joined([tracks[key] for key in self._chosen]), **classes)
+        filtered = widened(filtered, np.array(self._spreads))
         if self._lag == 0:
             return filtered
         # What is smoothed at k is of the class that is reported after the scans up to k + lag.
@@ -185,9 +181,19 @@ class ClassBank:
         }
 
 
+def not_ruled_out(filters: Mapping[Key, ClassFilter], own: str | None) -> dict[Key, ClassFilter]:
+    """Those that the scans do not contradict, and those of the prior's `own` class."""
+    # A class that a stretched size keeps likely does not rule out others.
+    likely = [one.log_weights[-1] for one in filters.values() if not _is_far(one)]
+    least = max(likely, default=-np.inf) - CONTRADICTED
+    return {
+        key: one for key, one in filters.items() if one.log_weights[-1] >= least or key[0] == own
+    }
+
+
 def _is_far(one: ClassFilter) -> bool:
     """Whether another target's points stretched the size before they contradict the shape."""
-    return one.size_deviations[-1] > GREATEST_DEVIATION
+    return one.size_deviations[-1] > GATE_STDS
 
 
 def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
@@ -205,7 +211,7 @@ def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
         return True
     stated, size = np.array([prior.length, prior.width]), class_size(road_user)
     stds = np.hypot(stated * [prior.length_std, prior.width_std], size.mean * size.stds)
-    return bool((np.abs(stated - size.mean) <= GREATEST_DEVIATION * stds).all())
+    return bool((np.abs(stated - size.mean) <= GATE_STDS * stds).all())
 
 
 def start_of_other(initial: InitialState, size: np.ndarray, other: ClassSize) -> InitialState:
@@ -222,21 +228,17 @@ def start_of_other(initial: InitialState, size: np.ndarray, other: ClassSize) ->
 
 
 def _of_class(
-    road_user: str, initial: InitialState, prior: PriorShape, tracker: ContourParameters
-) -> tuple[InitialState, PriorShape, ContourParameters]:
-    """Start, prior and parameters of the filter of a class."""
+    road_user: str, initial: InitialState, prior: PriorShape
+) -> tuple[InitialState, PriorShape]:
+    """Start and prior of the filter of a class."""
     if road_user == prior.road_user:
-        return initial, prior, tracker
+        return initial, prior
     size = class_size(road_user)
     if prior.road_user != "unknown":
         initial = start_of_other(initial, np.array([prior.length, prior.width]), size)
-    length, width = size.mean.tolist()
-    length_std, width_std = size.stds.tolist()
-    return (
-        initial,
-        replace(prior, road_user=road_user, length=length, width=width),
-        replace(tracker, length_std=length_std, width_std=width_std),
-    )
+    names, values = ("length", "width", "length_std", "width_std"), (*size.mean, *size.stds)
+    of_class = dict(zip(names, map(float, values), strict=True))
+    return initial, replace(prior, road_user=road_user, **of_class)
 
 
 def probabilities_of(log_weights: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -35,7 +35,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from stixel_cli.geometry.pose import rotation
 from stixel_cli.scene.parameters import CLASS_ROWS, ClassRow
 from stixel_cli.tracking.association import GATE_STDS
 from stixel_cli.tracking.consider import JointCovariance
@@ -52,8 +51,9 @@ from stixel_cli.tracking.contour.contour_recovery import (
 )
 from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_sizes, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, Hypothesis, Measurement
-from stixel_cli.tracking.contour.residual import NODES, Residual
+from stixel_cli.tracking.contour.residual import NODES, RESIDUAL_STD
 from stixel_cli.tracking.kalman import smooth
+from stixel_cli.tracking.motion import tied_to_velocity
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import OTHER, InitialState, Track
 
@@ -84,12 +84,12 @@ class ClassFilter:
     ):
         self._tracker, self._road_user = tracker, prior.road_user
         self._shape, self.sight = shape, sight
-        self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
-        self._size_stds = np.array([tracker.length_std, tracker.width_std])
-        mean, covariance = start(initial, prior, shape, tracker, sight.residual)
+        of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
+        self._size = of_class, np.array([prior.length_std, prior.width_std])
+        mean, covariance = start(initial, *self._size)
         joint = JointCovariance(covariance, face_errors)
         self._hypotheses = [Hypothesis((mean, covariance, joint))]
-        self._size = len(mean)
+        self._states = len(mean)
         self._reported: list[Hypothesis] = []
         self._covariances: list[np.ndarray] = []
         self.size_deviations: list[float] = []
@@ -103,15 +103,14 @@ class ClassFilter:
     def expected(self, interval: float) -> tuple[np.ndarray, float]:
         """Place (2,) m an `interval` in s later, and how far from there the target may reach, m."""
         mean, covariance, _ = self._hypotheses[0].state
-        later, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
+        later, matrix, noise = predict(mean, interval, self._tracker, *self._size)
         variances = np.diag(matrix @ covariance @ matrix.T + noise)[:2]
         half = 0.5 * float(np.hypot(*(self.sight.table.extents * np.exp(mean[5:7]))))
         return later[:2], half + GATE_STDS * np.sqrt(max(variances.sum(), 0.0))
 
-    def step(self, interval: float, rays: Rays, recovers: bool) -> np.ndarray:
+    def step(self, interval: float, rays: Rays) -> np.ndarray:
         """The next scan, an `interval` in s after the one before, with the `rays` of its points.
 
-        `recovers`: whether the filter looks for the target again where the scans contradict it.
         The result (n,) are indices of the points that were used.
         """
         first = self.unseen
@@ -119,7 +118,7 @@ class ClassFilter:
         best = steps[0]
         if best.degrees:
             contradicted = is_inconsistent([*self._reported, best])
-            if first or (recovers and len(steps) == 1 and contradicted):
+            if first or (len(steps) == 1 and contradicted):
                 # A turned or shifted target may be an error that only later scans contradict.
                 steps = rivals([*self._detected(best, rays, first), *([] if first else steps)])
                 best = steps[0]
@@ -134,7 +133,7 @@ class ClassFilter:
         kept = replace(best, state=(mean, best.state[1], None), prior=None)
         self._reported.append(kept if self._tracker.lag == 0 else best)
         self._covariances.append(covariance)
-        deviation = float(np.abs((mean[5:7] - self._of_class) / self._size_stds).max())
+        deviation = float(np.abs((mean[5:7] - self._size[0]) / self._size[1]).max())
         weight = log_weight(
             best.log_likelihood, deviation, mean[3], covariance[3, 3], self._road_user
         )
@@ -145,7 +144,7 @@ class ClassFilter:
     def _advanced(self, one: Hypothesis, interval: float, rays: Rays) -> Hypothesis:
         """The hypothesis an `interval` in s later, updated with the points that it associates."""
         mean, covariance, joint = one.state
-        mean, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
+        mean, matrix, noise = predict(mean, interval, self._tracker, *self._size)
         covariance, joint = matrix @ covariance @ matrix.T + noise, joint.copy()
         joint.predict(matrix, noise)
         prediction = mean, covariance, joint
@@ -172,6 +171,12 @@ class ClassFilter:
         rays = self._at_heights(rays, prior.state[0])
         clusters = clusters_of(rays, one.indices, sight, after_gap)
         return detect_again(prior, rays, clusters, sight, self._tracker, not first)
+
+    @property
+    def reported(self) -> np.ndarray:
+        """State (8,) after the last scan, as a track has it."""
+        mean, covariance, _ = self._reported[-1].state
+        return reported(mean[None], covariance[None], self.sight.residual)[0][0]
 
     def latest(self) -> Track:
         """`track` of the last scan alone, at time 0."""
@@ -207,7 +212,7 @@ class ClassFilter:
         estimates: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Track:
         """The track of the `scans`, with the means and covariances of the filter or `estimates`."""
-        chosen, size = self._reported[scans], self._size
+        chosen, size = self._reported[scans], self._states
         means, covariances = estimates or (
             np.array([one.state[0] for one in chosen]).reshape(-1, size),
             np.array(self._covariances[scans]).reshape(-1, size, size),
@@ -248,43 +253,36 @@ def log_weight(
 
 
 def start(
-    initial: InitialState,
-    prior: PriorShape,
-    shape: ClassShape,
-    tracker: ContourParameters,
-    residual: Residual,
+    initial: InitialState, size: np.ndarray, size_stds: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (d,) and covariance (d, d) from an initial state and the prior's size.
+    """Mean (d,) and covariance (d, d) from an initial state and the class's `size` (2,).
 
-    The `residual` is zero. The velocity is split along and across the heading. The part across is
-    measured as zero: that turns the heading towards the velocity.
+    Its logarithms, with their standard deviations (2,). The residual is zero. The velocity is tied
+    to the heading.
     """
-    heading = initial.mean[2]
-    turn = np.eye(6)
-    turn[3:5, 3:5] = rotation(-heading)
-    mean, covariance = turn @ initial.mean, turn @ initial.covariance @ turn.T
-    # The velocity across the heading, v_y - v_x (psi - heading), is 0 ± SIDEWAYS.
-    row = np.zeros(6)
-    row[2], row[4] = -mean[3], 1.0
-    gain = covariance @ row / (row @ covariance @ row + SIDEWAYS**2)
-    mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
-    kept = [0, 1, 2, 3, 5]
-    whole, spread = np.zeros(7 + NODES), np.diag([0.0] * 7 + [residual.std**2] * NODES)
-    whole[:5], spread[:5, :5] = mean[kept], covariance[np.ix_(kept, kept)]
-    whole[5:7] = np.log(np.array([prior.length, prior.width]) / shape.size)
-    spread[5, 5], spread[6, 6] = tracker.length_std**2, tracker.width_std**2
+    mean, covariance, *_ = tied_to_velocity(initial.mean, initial.covariance, SIDEWAYS)
+    matrix = np.eye(6)[[0, 1, 2, 3, 5]]
+    matrix[3, 3:5] = np.cos(mean[2]), np.sin(mean[2])
+    whole, spread = np.zeros(7 + NODES), np.diag([0.0] * 7 + [RESIDUAL_STD**2] * NODES)
+    whole[:5], whole[5:7] = matrix @ mean, size
+    spread[:5, :5] = matrix @ covariance @ matrix.T
+    spread[5, 5], spread[6, 6] = size_stds**2
     return whole, spread
 
 
 def predict(
-    mean: np.ndarray, interval: float, tracker: ContourParameters, size: np.ndarray
+    mean: np.ndarray,
+    interval: float,
+    tracker: ContourParameters,
+    size: np.ndarray,
+    size_stds: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean (d,) one `interval` in s later, its Jacobian (d, d) and the process noise (d, d).
 
     A turn: the displacement has the heading of the middle of the interval. The logarithms of size
-    go back to the class's `size` (2,), as an AR(1) process: the errors of a shape have the same
-    sign in all scans, and without this the size follows them. Of a car that is followed, only the
-    rear is seen; its roundness then counted as a measurement of the length.
+    go back to the class's `size` (2,) with its standard deviations (2,), as an AR(1) process: the
+    errors of a shape have the same sign in all scans, and without this the size follows them. Of a
+    car that is followed, only the rear is seen; its roundness then counted as its length.
     """
     middle = mean[2] + 0.5 * mean[4] * interval
     forward = interval * np.array([np.cos(middle), np.sin(middle)])
@@ -303,5 +301,5 @@ def predict(
     noise[2, 4] = noise[4, 2] = tracker.turn_acceleration**2 * interval**2 / 2.0
     noise[4, 4] = tracker.turn_acceleration**2 * interval
     noise[3, 3] = tracker.acceleration**2 * interval
-    noise[5, 5], noise[6, 6] = (1.0 - keep**2) * np.square([tracker.length_std, tracker.width_std])
+    noise[5, 5], noise[6, 6] = (1.0 - keep**2) * size_stds**2
     return later, matrix, noise

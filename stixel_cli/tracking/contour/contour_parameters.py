@@ -20,8 +20,6 @@ class ContourParameters:
         acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
         turn_acceleration: process noise of the turn rate, rad/s^1.5.
         slip: process noise of the position, m/s^0.5: motion that is not along the heading.
-        length_std, width_std: standard deviation of the factors on the class's length and width,
-            relative to the prior's.
         noise_factor: factor on the standard deviations of a point's range and of the silhouette.
             The errors of neighbours and of successive scans are correlated, which the gain does not
             model; a factor above 1 stands for that.
@@ -40,8 +38,6 @@ class ContourParameters:
     acceleration: Annotated[float, Ge(0), Le(100)]
     turn_acceleration: Annotated[float, Ge(0), Le(100)]
     slip: Annotated[float, Ge(0), Le(10)]
-    length_std: Annotated[float, Gt(0), Le(1)]
-    width_std: Annotated[float, Gt(0), Le(1)]
     noise_factor: Annotated[float, Gt(0), Le(100)]
     shape_factor: Annotated[float, Ge(0.1), Le(100)]
     silhouette_std: Annotated[float, Ge(0), Le(10)]

@@ -80,6 +80,8 @@ class Rays:
     shared: np.ndarray
     """(n, 2, m) m, how far one standard deviation of each of m errors of the target's faces, which
     all scans share, moves a point in the world, see `at_heights`."""
+    labels: np.ndarray
+    """(n,) the stretch of neighbouring rays that a point is of, see `segments`."""
     others: np.ndarray
     """(n,) whether a point is known to be another object's."""
     heights: np.ndarray | None = None
@@ -167,15 +169,17 @@ def rays_of(
     variances = np.einsum("ni,nij,nj->n", directions, covariances, directions)
     across = covariances[:, 0, 0] + covariances[:, 1, 1] - variances
     bearings = wrap_angle(np.arctan2(directions[:, 1], directions[:, 0]) - sensor[2])
+    stds = np.sqrt(np.maximum(variances, 0.0))
     return Rays(
         # A copy: kernels are compiled for arrays that may be written to.
         np.array(sensor),
         directions,
         bearings,
         ranges,
-        np.sqrt(np.maximum(variances, 0.0)),
+        stds,
         np.maximum(across, 0.0),
         np.zeros((len(offsets), 2, 0)),
+        segments(bearings, points_world, stds),
         np.zeros(len(offsets), bool),
         heights,
         field_of_view=field_of_view,
@@ -247,7 +251,7 @@ def associate(
     meets = misses < NEAR_ACROSS + GATE_STDS * np.sqrt(across)
     inside = fits & meets & ~rays.others
     if inside.any():
-        inside &= _of_target(segments(rays), inside)
+        inside &= _of_target(rays.labels, inside)
     return np.flatnonzero(inside)
 
 
@@ -262,27 +266,26 @@ def _of_target(labels: np.ndarray, inside: np.ndarray) -> np.ndarray:
     return ((within >= 0.5 * counts) | (within >= 0.5 * inside.sum()))[labels]
 
 
-def segments(rays: Rays) -> np.ndarray:
+def segments(bearings: np.ndarray, points_world: np.ndarray, stds: np.ndarray) -> np.ndarray:
     """Labels (n,) of the stretches of neighbouring rays whose points are near each other.
 
-    They are so up to `GAP` and four standard deviations. A label is the place of its first point in
-    the order of bearings. Where a bearing has points of several objects, a neighbour is one of the
-    next few.
+    They are so up to `GAP` and four standard deviations, `stds` (n,) m. A label is the place of its
+    first point in the order of `bearings` (n,). A neighbour is one of the next few: between them
+    may be points of clutter, or of other objects at the same bearing.
     """
-    order, labels = np.argsort(rays.bearings, kind="stable"), np.arange(len(rays.bearings))
-    neighbours = 1 if rays.heights is None else NEIGHBOURS
-    _join(labels, rays.points_world[order], rays.stds[order], GAP, neighbours)
+    order, labels = np.argsort(bearings, kind="stable"), np.arange(len(bearings))
+    _join(labels, points_world[order], stds[order])
     labels[order] = labels.copy()
     return labels
 
 
 @njit(cache=True)
-def _join(labels, points, stds, gap, neighbours):
-    """Give points the label of one of the `neighbours` before them that is near, and join both."""
+def _join(labels, points, stds):
+    """Give points the label of one of the `NEIGHBOURS` before them that is near, and join both."""
     for i in range(len(labels)):
-        for j in range(max(i - neighbours, 0), i):
+        for j in range(max(i - NEIGHBOURS, 0), i):
             apart = hypot(points[i, 0] - points[j, 0], points[i, 1] - points[j, 1])
-            if apart <= gap + 2.0 * (stds[i] + stds[j]):
+            if apart <= GAP + 2.0 * (stds[i] + stds[j]):
                 first, second = min(labels[i], labels[j]), max(labels[i], labels[j])
                 for k in range(second, i + 1):
                     if labels[k] == second:

@@ -16,17 +16,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
-from stixel_cli.measurements.clusters import cluster
+from stixel_cli.measurements.clusters import LARGEST
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import Rays, Sight
-from stixel_cli.tracking.contour.contour_update import SEARCHES, Fit, Hypothesis, Measurement
+from stixel_cli.tracking.contour.contour_rays import NEAR, Rays, Sight
+from stixel_cli.tracking.contour.contour_update import (
+    CONTRADICTED,
+    Fit,
+    Hypothesis,
+    Measurement,
+)
 from stixel_cli.tracking.contour.residual import NODES
 
 RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
 
-TURNS = np.radians([0.0, -20.0, 20.0, -40.0, 40.0])
+TURNS = np.radians([0.0, -40.0, 40.0])
 """Turns of the predicted heading from which the update begins again, rad."""
 
 WIDE = np.diag([0.3, 0.3, 0.35, 1.0, 0.5, 0.0, 0.0]) ** 2
@@ -35,14 +40,8 @@ WIDE = np.diag([0.3, 0.3, 0.35, 1.0, 0.5, 0.0, 0.0]) ** 2
 SHIFTS = (-1.0, 1.0)
 """Places across the rays from which it begins, too, m: of a target longer than its class."""
 
-UNLIKELY = 20.0
-"""Log odds against a hypothesis beyond which it is given up."""
-
-SAME = 0.15, 0.1
-"""Two hypotheses are one if they are no farther apart, m and rad."""
-
-LARGEST = 1.3
-"""A cluster is the target if it is at most this many times the class's diagonal long."""
+SAME = 0.1
+"""Two hypotheses are one if they are no farther apart, rad, and their places are `NEAR`."""
 
 
 def is_inconsistent(scans: Sequence[Hypothesis]) -> bool:
@@ -82,7 +81,7 @@ def detect_again(
             begin = mean.copy()
             begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
             begin[2] += turn
-            fit = measurement.fit(mean, wide, begin, SEARCHES)
+            fit = measurement.fit(mean, wide, begin)
             # Most begins end at the same place.
             if all(_apart(fit.mean, other.mean) for other in fits):
                 fits.append(fit)
@@ -98,7 +97,7 @@ def rivals(hypotheses: list[Hypothesis]) -> list[Hypothesis]:
 
     kept: list[Hypothesis] = []
     for one in sorted(hypotheses, key=odds, reverse=True):
-        likely = not kept or odds(one) > odds(kept[0]) - UNLIKELY
+        likely = not kept or odds(one) > odds(kept[0]) - CONTRADICTED
         if likely and all(_apart(one.state[0], other.state[0]) for other in kept):
             kept.append(one)
     return kept
@@ -107,7 +106,7 @@ def rivals(hypotheses: list[Hypothesis]) -> list[Hypothesis]:
 def _apart(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether two means (d,) are not the `SAME`."""
     change = one[:3] - other[:3]
-    return bool(np.hypot(*change[:2]) > SAME[0] or np.abs(wrap_angle(change[2])) > SAME[1])
+    return bool(np.hypot(*change[:2]) > NEAR or np.abs(wrap_angle(change[2])) > SAME)
 
 
 def turned(
@@ -137,10 +136,7 @@ def clusters_of(rays: Rays, indices: np.ndarray, sight: Sight, after_gap: bool) 
     clusters that is no longer than the class.
     """
     points = rays.points_world
-    bearings = np.stack([np.cos(rays.bearings), np.sin(rays.bearings)], axis=-1)
-    variances = rays.stds[:, None, None] ** 2 * np.eye(2)
-    labels = cluster(rays.ranges[:, None] * bearings, variances, least=1)
-    labels[rays.others] = -1
+    labels = np.where(rays.others, -1, rays.labels)
     longest = LARGEST * np.hypot(*sight.table.extents)
     here = np.unique(labels[indices])
     together = np.flatnonzero(np.isin(labels, here))

@@ -29,12 +29,9 @@ from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import OTHER
 
-FREE_STD, FREE_RESIDUAL, CORNER = 0.5, 0.1, 0.25
-"""Of the free form: relative standard deviation of the length and width, standard deviation of its
-residual, m, and the radius of its corners, relative to the smaller side."""
-
-EXACT_STD = 0.02
-"""How well the ranges and ends of a rectangle or of an outline that the user gives fit, m."""
+FREE_STD, CORNER = 0.5, 0.25
+"""Of the free form: relative standard deviation of the length and width, and the radius of its
+corners, relative to the smaller side."""
 
 LEAST_RADIUS = 0.02
 """Of an outline whose centre is outside of it, m."""
@@ -42,8 +39,8 @@ LEAST_RADIUS = 0.02
 
 def forms_of(
     road_user: str, prior: PriorShape, tracker: ContourParameters
-) -> dict[str, tuple[ClassShape, Sight, ContourParameters]]:
-    """The forms that a `road_user` may have: shape, how the sensor sees it, and parameters."""
+) -> dict[str, tuple[ClassShape, Sight]]:
+    """The forms that a `road_user` may have: shape, and how the sensor sees it."""
     shape, sight = class_shape(road_user), sight_of(road_user, tracker)
     tables = {"class": (shape, sight.table)}
     if sight.outline:
@@ -55,34 +52,31 @@ def forms_of(
         table = seen.table if seen else _exact_table(vertices)
         tables["outline"] = star_of(vertices), table
     return {
-        form: (form_shape, replace(sight, table=form_table, residual=Residual(form_shape)), tracker)
+        form: (form_shape, replace(sight, table=form_table, residual=Residual(form_shape)))
         for form, (form_shape, form_table) in tables.items()
     }
 
 
-def free_form(
-    prior: PriorShape, tracker: ContourParameters
-) -> tuple[PriorShape, ClassShape, Sight, ContourParameters]:
+def free_form(prior: PriorShape) -> tuple[PriorShape, ClassShape, Sight]:
     """A form of no class: the prior that it has, and as the forms of `forms_of`.
 
     Its size begins as the prior's, which may be off by half. How far its faces are inside of it
     higher up is as uncertain as those of the prior's class.
     """
     size = np.array([prior.length, prior.width])
-    tracker = replace(tracker, length_std=FREE_STD, width_std=FREE_STD)
     radius = CORNER * size.min()
     body = shapely.box(*(radius - 0.5 * size), *(0.5 * size - radius)).buffer(radius)
     shape = star_of(shapely.get_coordinates(shapely.orient_polygons(body))[:-1])
-    table = _exact_table(shape.outline, OUTLINE_STD)
-    residual = Residual(shape, FREE_RESIDUAL)
+    table = _exact_table(shape.outline)
     insets = None if prior.road_user == "unknown" else height_insets(prior.road_user)
-    sight = Sight(table, 0.0, 1.0, 0.0, residual, insets)
-    return replace(prior, road_user=OTHER), shape, sight, tracker
+    sight = Sight(table, 0.0, 1.0, 0.0, Residual(shape), insets)
+    prior = replace(prior, road_user=OTHER, length_std=FREE_STD, width_std=FREE_STD)
+    return prior, shape, sight
 
 
-def _exact_table(outline: np.ndarray, std: float = EXACT_STD) -> ray_table.RayTable:
+def _exact_table(outline: np.ndarray) -> ray_table.RayTable:
     table = ray_table.outline_table(outline)
-    ends, stds = np.full_like(table.low, std), np.full_like(table.stds, std)
+    ends, stds = np.full_like(table.low, OUTLINE_STD), np.full_like(table.stds, OUTLINE_STD)
     return replace(table, stds=stds, low_stds=ends, high_stds=ends)
 
 

@@ -17,8 +17,7 @@ as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks re
 is rounder than the class's."""
 
 LEAST_STEP, GREATEST_STEP = 0.02, 0.3
-LEAST_TURN, GREATEST_TURN = 0.01, 0.2
-"""Bounds of the steps of the central differences, m and rad."""
+"""Bounds of the steps of the central differences, m; of a turn, those of the corners."""
 
 LEAST_COSINE = 0.2
 """Of the angle between a ray and a face's normal: the effect of an oblique face has this limit."""
@@ -121,7 +120,8 @@ def _measure(rows, state, covariance, measured, table):
     quarter = len(table[4]) // 4
     half_x = 0.5 * (table[5][quarter] - table[4][quarter]) / shrink[0]
     half_y = 0.5 * (table[5][0] - table[4][0]) / shrink[1]
-    turn = min(max(sqrt(max(covariance[2, 2], 0.0)), LEAST_TURN), GREATEST_TURN)
+    reach = sqrt(half_x**2 + half_y**2)
+    turn = min(max(reach * sqrt(max(covariance[2, 2], 0.0)), LEAST_STEP), GREATEST_STEP) / reach
     c, s = cos(turn), sin(turn)
     for i in range(count):
         ahead_x, ahead_y = measured.directions[i, 0], measured.directions[i, 1]

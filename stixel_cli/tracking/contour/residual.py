@@ -19,14 +19,9 @@ RESIDUAL_STD = 0.06
 
 
 class Residual:
-    """The normals of a form's outline, and the weights of the nodes along it.
+    """The normals of a form's outline, and the weights of the nodes along it."""
 
-    Attributes:
-        std: m, of each node before the first scan.
-    """
-
-    def __init__(self, shape: ClassShape, std: float = RESIDUAL_STD):
-        self.std = std
+    def __init__(self, shape: ClassShape):
         outline = shape.outline
         edges = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
         self._outline, self._half = outline, 0.5 * np.ptp(outline, axis=0)
