@@ -14,6 +14,7 @@ from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
+from stixel_cli.tracking.contour.class_size import class_size
 from stixel_cli.tracking.kalman import Step, smooth
 
 COUNT, SIZE = 12, 3
@@ -197,7 +198,8 @@ def test_a_ruled_out_class_leaves_a_smoothed_track():
     scans = scans_seen(class_shape("car").outline, POSES, noise=0.03)
     prior = dataclasses.replace(KNOWN, road_user="unknown")
     track = contour.track(scans, start_at(POSES), prior, CONTOUR)
-    known = contour.track(scans, start_at(POSES), KNOWN, CONTOUR)
+    size = zip(("length_std", "width_std"), class_size("car").stds, strict=True)
+    known = contour.track(scans, start_at(POSES), dataclasses.replace(KNOWN, **dict(size)), CONTOUR)
     assert track.class_probabilities["car"][-1] > 0.99
     np.testing.assert_allclose(track.smoothed.means[6:], known.smoothed.means[6:], atol=1e-6)
 

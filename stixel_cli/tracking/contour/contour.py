@@ -123,21 +123,28 @@ class ClassBank:
         An outline that the user states is believed until the scans contradict it, and that the
         target is of no known class once they contradict all classes.
         """
-        weights, of_class = {}, dict[str, float]()
-        for (road_user, form), one in self._kept.items():
-            odds = {"outline": CONTRADICTED, "free": -CONTRADICTED}.get(form, 0.0)
-            weights[road_user, form] = weight = -1e9 if _is_far(one) else one.log_weights[-1] + odds
+        likelihoods = {
+            key: -1e9 if _is_far(one) else one.log_weights[-1] for key, one in self._kept.items()
+        }
+        odds = {"outline": CONTRADICTED, "free": -CONTRADICTED}
+        weights = {key: one + odds.get(key[1], 0.0) for key, one in likelihoods.items()}
+        of_class = dict[str, float]()
+        for (road_user, _), weight in weights.items():
             of_class[road_user] = float(np.logaddexp(of_class.get(road_user, -np.inf), weight))
         name = reported_class(of_class, self._assumed)
         if name != self._own:
             self._assumed = None
         self._chosen.append(max((key for key in weights if key[0] == name), key=weights.get))
         self._log_weights.append(of_class)
-        self._spreads.append(self._spread(np.array([*weights.values()])))
+        self._spreads.append(self._spread(np.array([*likelihoods.values()])))
 
-    def _spread(self, log_weights: np.ndarray) -> np.ndarray:
-        """How far the filters are from the reported one, as probable as they are: (8, 8)."""
-        shares = np.exp(log_weights - np.logaddexp.reduce(log_weights))
+    def _spread(self, log_likelihoods: np.ndarray) -> np.ndarray:
+        """How far the filters are from the reported one, as probable as they are: (8, 8).
+
+        Without the odds: they say what is reported, and a wrong form is reported until they are
+        reached.
+        """
+        shares = np.exp(log_likelihoods - np.logaddexp.reduce(log_likelihoods))
         reported = self._kept[self._chosen[-1]].reported
         away = np.stack([one.reported for one in self._kept.values()]) - reported
         away[:, 2], away[:, 6:] = wrap_angle(away[:, 2]), 0.0
