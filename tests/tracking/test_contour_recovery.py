@@ -66,11 +66,11 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
     scans = scans_seen(CAR_SHAPE.outline, poses, noise=0.03)
     detect_again = contour_recovery.detect_again
 
-    def turned(*arguments):
-        widen, found = float(arguments[-1]), detect_again(*arguments)
+    def turned(prior, *arguments):
+        later, found = prior.log_likelihood != 0.0, detect_again(prior, *arguments)
         for one in found:
-            one.state[0][2] += widen * np.radians(70)
-        return [replace(one, log_likelihood=one.log_likelihood + 15.0 * widen) for one in found]
+            one.state[0][2] += later * np.radians(70)
+        return [replace(one, log_likelihood=one.log_likelihood + 15.0 * later) for one in found]
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda scans: len(scans) == 8)
     monkeypatch.setattr(contour_filter, "detect_again", turned)

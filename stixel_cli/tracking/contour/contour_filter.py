@@ -89,7 +89,8 @@ class ClassFilter:
         mean, covariance = start(initial, *self._size)
         joint = JointCovariance(covariance, face_errors)
         self._hypotheses = [Hypothesis((mean, covariance, joint))]
-        self._states = len(mean)
+        self._states, self._start = len(mean), np.zeros_like(covariance)
+        self._start[:5, :5] = covariance[:5, :5]
         self._reported: list[Hypothesis] = []
         self._covariances: list[np.ndarray] = []
         self.size_deviations: list[float] = []
@@ -168,9 +169,15 @@ class ClassFilter:
         """
         after_gap = first and bool(self._reported)
         prior, sight = replace(one.prior, transition=None), self.sight
-        rays = self._at_heights(rays, prior.state[0])
+        mean, covariance, joint = prior.state
+        if not first:
+            # A state that the scans contradict may be as wrong as the start, too.
+            covariance, joint = covariance + self._start, joint.copy()
+            joint.matrix[: len(mean), : len(mean)] += self._start
+            prior = replace(prior, state=(mean, covariance, joint))
+        rays = self._at_heights(rays, mean)
         clusters = clusters_of(rays, one.indices, sight, after_gap)
-        return detect_again(prior, rays, clusters, sight, self._tracker, not first)
+        return detect_again(prior, rays, clusters, sight, self._tracker)
 
     @property
     def reported(self) -> np.ndarray:
@@ -296,8 +303,7 @@ def predict(
     later[5:7] = size + keep * (mean[5:7] - size)
     noise = np.zeros((len(mean), len(mean)))
     noise[0, 0] = noise[1, 1] = tracker.slip**2 * interval
-    # The heading's noise keeps its covariance away from zero.
-    noise[2, 2] = tracker.turn_acceleration**2 * interval**3 / 3.0 + 1e-4 * interval
+    noise[2, 2] = tracker.turn_acceleration**2 * interval**3 / 3.0
     noise[2, 4] = noise[4, 2] = tracker.turn_acceleration**2 * interval**2 / 2.0
     noise[4, 4] = tracker.turn_acceleration**2 * interval
     noise[3, 3] = tracker.acceleration**2 * interval

@@ -19,13 +19,12 @@ from stixel_cli.tracking.contour.class_shape import (
     visible_table,
 )
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, expected
+from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, NEAR, expected
 from stixel_cli.tracking.contour.ray_table import RayTable
 from stixel_cli.tracking.contour.residual import Residual
 
-NEAR, NEAR_ACROSS = 0.3, 0.15
-"""A point this near to the expected one, m, along the ray and across, is in every gate. A point
-that is by the first nearer than an end, and no farther beside it, or on the next ray, hides it."""
+NEAR_ACROSS = 0.15
+"""A ray that passes by the shape by no more, m, is in every gate."""
 
 EDGE_ON = 2.5
 """Baselines. A face whose plane passes the left camera by less is so short in the right image that

@@ -19,13 +19,14 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.clusters import LARGEST
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import NEAR, Rays, Sight
+from stixel_cli.tracking.contour.contour_rays import Rays, Sight
 from stixel_cli.tracking.contour.contour_update import (
     CONTRADICTED,
     Fit,
     Hypothesis,
     Measurement,
 )
+from stixel_cli.tracking.contour.ray_kernels import NEAR
 from stixel_cli.tracking.contour.residual import NODES
 
 RECENT, INCONSISTENT = 3, 1.5
@@ -33,9 +34,6 @@ RECENT, INCONSISTENT = 3, 1.5
 
 TURNS = np.radians([0.0, -40.0, 40.0])
 """Turns of the predicted heading from which the update begins again, rad."""
-
-WIDE = np.diag([0.3, 0.3, 0.35, 1.0, 0.5, 0.0, 0.0]) ** 2
-"""Added to the covariance of an inconsistent prediction: m, rad, m/s, rad/s."""
 
 SHIFTS = (-1.0, 1.0)
 """Places across the rays from which it begins, too, m: of a target longer than its class."""
@@ -56,18 +54,12 @@ def detect_again(
     clusters: list[np.ndarray],
     sight: Sight,
     tracker: ContourParameters,
-    widen: bool,
 ) -> list[Hypothesis]:
     """What a prediction that is inconsistent, the `prior`, may be after the scan.
 
-    `clusters` are those of `clusters_of`; without one it stays as it is. `widen`: whether it may be
-    wrong by more than its covariance.
+    `clusters` are those of `clusters_of`; without one it stays as it is.
     """
     mean, covariance, joint = prior.state
-    wide, joint = covariance.copy(), joint.copy()
-    if widen:
-        wide[:7, :7] += WIDE
-        joint.matrix[:7, :7] += WIDE
     results = []
     # After a gap the target may have turned by more.
     scale = max(1.0, min(2.0 * np.sqrt(covariance[2, 2]), np.pi) / TURNS.max())
@@ -81,7 +73,7 @@ def detect_again(
             begin = mean.copy()
             begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
             begin[2] += turn
-            fit = measurement.fit(mean, wide, begin)
+            fit = measurement.fit(mean, covariance, begin)
             # Most begins end at the same place.
             if all(_apart(fit.mean, other.mean) for other in fits):
                 fits.append(fit)

@@ -10,14 +10,16 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.kernel import returning
+from stixel_cli.tracking.contour.class_shape import OUTLINE_STD
 
 CAP = 0.5
 """Of half the length or the width: a change of the size moves what is nearer to an end by as much
 as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks real cars whose front
 is rounder than the class's."""
 
-LEAST_STEP, GREATEST_STEP = 0.02, 0.3
-"""Bounds of the steps of the central differences, m; of a turn, those of the corners."""
+NEAR = 0.3
+"""A point this near to the expected one along its ray, m, is in every gate. A point that is by this
+nearer than an end, and no farther beside it, or on the next ray, hides it."""
 
 LEAST_COSINE = 0.2
 """Of the angle between a ray and a face's normal: the effect of an oblique face has this limit."""
@@ -96,9 +98,10 @@ def rows_at(
     """The rows at a `state` (d,) with a `covariance` (d, d); `RayTable.arrays`.
 
     The slopes by the place across a ray and by the heading are central differences over about a
-    standard deviation. The variance of what they leave out is added to the noise: that of a
-    parabola over one standard deviation (Nørgaard, Poulsen & Ravn 2000, *New developments in state
-    estimation for nonlinear systems*). The nodes of the residual are the states from 7 on.
+    standard deviation: a step, of a corner in a turn, is from `OUTLINE_STD` to `NEAR`. The variance
+    of what they leave out is added to the noise: that of a parabola over one standard deviation
+    (Nørgaard, Poulsen & Ravn 2000, *New developments in state estimation for nonlinear systems*).
+    The nodes of the residual are the states from 7 on.
     """
     count, states = len(measured.ranges), len(state)
     most = 2 * count + 2
@@ -121,7 +124,7 @@ def _measure(rows, state, covariance, measured, table):
     half_x = 0.5 * (table[5][quarter] - table[4][quarter]) / shrink[0]
     half_y = 0.5 * (table[5][0] - table[4][0]) / shrink[1]
     reach = sqrt(half_x**2 + half_y**2)
-    turn = min(max(reach * sqrt(max(covariance[2, 2], 0.0)), LEAST_STEP), GREATEST_STEP) / reach
+    turn = min(max(reach * sqrt(max(covariance[2, 2], 0.0)), OUTLINE_STD), NEAR) / reach
     c, s = cos(turn), sin(turn)
     for i in range(count):
         ahead_x, ahead_y = measured.directions[i, 0], measured.directions[i, 1]
@@ -130,7 +133,7 @@ def _measure(rows, state, covariance, measured, table):
         distance, low, high, place = _meet(x, y, ray, table)
         across = ahead_y**2 * covariance[0, 0] + ahead_x**2 * covariance[1, 1]
         across -= 2.0 * ahead_x * ahead_y * covariance[0, 1]
-        step = min(max(sqrt(max(across, 0.0)), LEAST_STEP), GREATEST_STEP)
+        step = min(max(sqrt(max(across, 0.0)), OUTLINE_STD), NEAR)
         # The target moves to the left or turns, so in its frame the ray does the opposite.
         left = _meet(x + step * v, y - step * u, ray, table)[0]
         right = _meet(x - step * v, y + step * u, ray, table)[0]
