@@ -1,4 +1,4 @@
-"""What a change of a tracker does at home and away, on tuning seeds: two minutes for 160 runs.
+"""What a change of a tracker does at home and away, on tuning seeds: two minutes for 200 runs.
 
     STIXEL_DATA=DIR python bench/ablation.py tracker=contour tracker.iterations=1
     STIXEL_DATA=DIR python bench/ablation.py contour.contour_recovery:LARGEST=1e9
@@ -66,6 +66,15 @@ def cases() -> Iterator[Case]:
             f"hidden {name}",
             ("measurement=lidar_64", *own, *seed, seed[0].replace("seed", "world.seed")),
         )
+    wrong = "start.position=1.0", "start.heading=0.5", "start.velocity=2.0"
+    gap = ("measurement.dropout=[1.5,3.5]",)
+    for (kind, other), name, path, seed in product(
+        (("start", wrong), ("gap", gap)), CLASSES, PATHS, seeded
+    ):
+        yield f"{kind} {name}", (f"road_user={name}", f"path={path}", *other, *seed)
+    for seed in seeded:
+        ahead = "path=depart", "ego=straight", "ego.speed=5", "rig=kitti"
+        yield "ahead car", ("road_user=car", *ahead, *seed)
     for error, seed in product(POSES, seeded):
         own = "measurement=stixel_cli.studies.wrong_poses:wrong_poses", f"measurement.{error}"
         followed = "road_user=car", "path=depart", "ego=straight", "ego.speed=5"

@@ -4,8 +4,9 @@ A thin road user seen from its end looks nearly the same turned to either side, 
 which is local, stays on the side where it began. As the target turns on, less and less of it is in
 the gate, and the track is lost. The normalised innovation squared (NIS) shows this early: it stays
 near its degrees of freedom or below on a target that is tracked, and well above on one that is not.
-Then the update is done again with all points of the target's cluster, with a wide prior, from
-several headings and places; the most likely result is taken. Where the NIS is small, nothing
+Then the update is done again with all points of the target's cluster, with a prior that has the
+start's uncertainty, too, from its mean and from the headings and places at the borders of its gate;
+the most likely result is taken. Where the NIS is small, nothing
 changes. At the first scan, and at the first after a gap, this is done in any case, with the prior
 as it is: the start or the prediction may be wrong by more than a local update can mend. A state
 that goes backwards faster than its class does is turned round.
@@ -17,6 +18,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.clusters import LARGEST
+from stixel_cli.tracking.association import GATE_STDS
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
@@ -31,12 +33,6 @@ from stixel_cli.tracking.contour.residual import NODES
 
 RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
-
-TURNS = np.radians([0.0, -40.0, 40.0])
-"""Turns of the predicted heading from which the update begins again, rad."""
-
-SHIFTS = (-1.0, 1.0)
-"""Places across the rays from which it begins, too, m: of a target longer than its class."""
 
 SAME = 0.1
 """Two hypotheses are one if they are no farther apart, rad, and their places are `NEAR`."""
@@ -61,18 +57,18 @@ def detect_again(
     """
     mean, covariance, joint = prior.state
     results = []
-    # After a gap the target may have turned by more.
-    scale = max(1.0, min(2.0 * np.sqrt(covariance[2, 2]), np.pi) / TURNS.max())
-    begins = [(scale * turn, 0.0) for turn in TURNS] + [(0.0, shift) for shift in SHIFTS]
+    turn = min(GATE_STDS * np.sqrt(covariance[2, 2]), np.pi)
     for found in clusters:
         measurement = Measurement(rays, found, sight, tracker)
         taken = measurement.rays
         place, left = taken.points_world.mean(axis=0), taken.normals.mean(axis=0)
+        shift = GATE_STDS * np.sqrt(left @ covariance[:2, :2] @ left)
+        begins = (0.0, 0.0), (-turn, 0.0), (turn, 0.0), (0.0, -shift), (0.0, shift)
         fits: list[Fit] = []
-        for turn, shift in begins:
+        for turned_by, moved_by in begins:
             begin = mean.copy()
-            begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
-            begin[2] += turn
+            begin[:2] = place + rotation(turned_by) @ (mean[:2] - place) + moved_by * left
+            begin[2] += turned_by
             fit = measurement.fit(mean, covariance, begin)
             # Most begins end at the same place.
             if all(_apart(fit.mean, other.mean) for other in fits):
