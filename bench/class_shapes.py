@@ -14,6 +14,10 @@ from stixel_cli.tracking.contour import class_size
 OUTLINES = range(1000, 1020)
 """Shape seeds of the mean outline."""
 
+WIDTH_STDS = {"car": 68}
+"""Thousandths of the width where the drawn shapes are more alike than real ones: of KITTI's labels
+of cars, 1.62 ± 0.11 m (579 objects)."""
+
 
 def main() -> None:
     """Learn our classes and write the file."""
@@ -24,7 +28,9 @@ def main() -> None:
             for seeds in (OUTLINES, SEEDS)
         )
         size, shapes[road_user] = learned_class(drawn.values(), seen, (*MEASUREMENTS, "outline"))
-        print(f"conf/prior/{road_user}.yaml: {size}")
+        if road_user in WIDTH_STDS:
+            shapes[road_user]["size_stds"][1] = WIDTH_STDS[road_user]
+        print(f"conf/prior/{road_user}.yaml: {size}, {shapes[road_user]['size_stds']}")
     target = Path(class_size.__file__).with_name(class_size.FILES[0])
     target.write_text(class_text(shapes), encoding="utf-8")
     print(target)
