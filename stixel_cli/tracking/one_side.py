@@ -42,9 +42,8 @@ if TYPE_CHECKING:
     from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
 REACH = 0.5
-"""A point this near the contour, m, is the target's, twice as far inside. Those of the segment of
-neighbouring rays with most points near the contour all are: a target that turns or brakes has all
-of its points elsewhere, a neighbour has not."""
+"""A point this near the contour, m, is the target's. All of the segment of neighbouring rays that
+has most points near it are: a target that turns or brakes has all of its points elsewhere."""
 
 END_SHARE = 0.17
 """Of the prior's width: standard deviation of the places of the first and the last point at the
@@ -181,9 +180,9 @@ class OneSide(JointCovariance):
         if not len(candidates):
             return candidates
         labels = segments(rays)[candidates]
-        off = linearise(rays.points_world[candidates], mean, self._process).residuals
+        off = np.abs(linearise(rays.points_world[candidates], mean, self._process).residuals)
         main = np.bincount(labels, 1.0 / (1.0 + (off / REACH) ** 2)).argmax()
-        return candidates[(labels == main) | (off < REACH) & (off > -2.0 * REACH)]
+        return candidates[(labels == main) | (off < REACH)]
 
     def linearised(self, rays: Rays, mean: np.ndarray) -> Linearisation:
         """The model of the points of `rays`, at the places where they most likely were.
