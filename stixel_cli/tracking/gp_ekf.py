@@ -45,7 +45,8 @@ class GpEkfParameters:
         seen_by: kind of measurement, which sees one side of the target among neighbours: the radii
             start as the outline of the class, and points are moved onto it, see `one_side.py`.
             null: the points are on the contour, all round it, as in [GP].
-        measurement_std: of a point along each axis, m: R is isotropic, whatever a scan states.
+        measurement_std: of a point along each axis, m: R is isotropic, whatever a scan states; with
+            `seen_by` that of what neighbouring points share, beside their own noise.
         gate_probability: chi-square probability of the association's gate; null takes every point.
         lag: later scans that a second, smoothed track uses; 0: there is none; null: all of the run.
     """
@@ -141,24 +142,21 @@ def _updated(
     tracker: GpEkfParameters,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Mean and covariance after a scan, the indices (m,) of its points that were used, the NIS."""
-    points, variance = scan.points, tracker.measurement_std**2
+    points = scan.points
     if side:
-        rays, (insets, shape_stds) = side.rays(scan, mean)
+        rays, moves = side.rays(scan, mean)
         points = rays.points_world
     indices = _associated(points, mean, covariance, process, tracker)
     if side:
-        indices = side.target(rays, indices, mean, covariance)
+        indices = side.target(rays, indices, mean)
     if not len(indices):
         return mean, covariance, indices, np.nan
-    if not side:
-        model = linearise(points[indices], mean, process)
+    if side:
+        taken = rays.subset(indices), moves[:, indices]
+        mean, covariance, nis = side.correct_by_scan(mean, covariance, *taken)
+    else:
+        model, variance = linearise(points[indices], mean, process), tracker.measurement_std**2
         mean, covariance, _, nis = update(mean, covariance, model, variance, tangential=True)
-        return mean, covariance, indices, nis
-    taken = rays.subset(indices)
-    mean = side.between_ends(taken, insets[indices], mean, covariance)
-    model = side.linearised(taken, mean)
-    mean, covariance, gain, _ = update(mean, covariance, model, variance, tangential=False)
-    nis = side.correct_by_scan(gain, model, taken, shape_stds[indices])
     return mean, covariance, indices, nis
 
 

@@ -78,16 +78,16 @@ def update(
     mean: np.ndarray,
     covariance: np.ndarray,
     model: Linearisation,
-    variance: float,
+    variance: np.ndarray | float,
     tangential: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Posterior mean (6 + N,), covariance, gain and NIS of a scan; thesis (76), information form.
 
-    `mean` and `covariance` are the *predicted* ones, `model` is that of n points at them, each with
-    the same `variance`, m², in all directions. `tangential`: whether the rows that measure nothing
-    count, as in [GP]. The gain (6 + N, n) is that of the radial residuals.
+    `mean` and `covariance` are the *predicted* ones, `model` is that of n points at them, with the
+    `variance` (n,) m² of each or of all, in all directions. `tangential`: whether the rows that
+    measure nothing count, as in [GP]. The gain (6 + N, n) is that of the radial residuals.
     """
-    own = np.full(len(model.residuals), variance)
+    own = np.broadcast_to(variance, len(model.residuals))
     (matrix, variances), innovation = model.rows, model.residuals
     noise, radial = own + variances, len(own)
     if tangential:

@@ -32,8 +32,7 @@ from stixel_cli.tracking.contour.contour_rays import (
 )
 from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import outline_table
-from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise
-from stixel_cli.tracking.kalman import correct
+from stixel_cli.tracking.gp_ekf_update import Linearisation, linearise, update
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Scan
 from stixel_cli.tracking.prior import PriorShape, prior_radii
@@ -41,9 +40,9 @@ from stixel_cli.tracking.prior import PriorShape, prior_radii
 if TYPE_CHECKING:
     from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
-REACH, REACH_BESIDE = 0.5, 0.3
-"""A point this near the contour, m, is the target's: of the segment of neighbouring rays on which
-the contour was placed, and of other segments. Inside the contour it may be twice as far."""
+REACH = 0.5
+"""A point this near the contour, m, is the target's. All of the segment of neighbouring rays that
+has most points near it are: a target that turns or brakes has all of its points elsewhere."""
 
 END_SHARE = 0.17
 """Of the prior's width: standard deviation of the places of the first and the last point at the
@@ -174,28 +173,15 @@ class OneSide(JointCovariance):
         moves = np.clip(profile - planes[face], 0.0, means[face])
         return (moves[:, None] * normals) @ turn.T, -(outwards * stds)[:, None] * turn
 
-    def target(
-        self, rays: Rays, candidates: np.ndarray, mean: np.ndarray, covariance: np.ndarray
-    ) -> np.ndarray:
-        """Of the `candidates` (m,), indices of rays, those whose points fit the contour.
-
-        The contour at `mean` (6 + N,) is first placed on one segment of neighbouring rays, that
-        with most points near it, by a robust fit of the pose: a target that turns or brakes has
-        all of its points elsewhere, a neighbour has not.
-        """
+    def target(self, rays: Rays, candidates: np.ndarray, mean: np.ndarray) -> np.ndarray:
+        """Of the `candidates` (m,), indices of rays, those that are the target's at `mean`."""
         candidates = candidates[~rays.others[candidates]]
         if not len(candidates):
             return candidates
         labels = rays.labels[candidates]
-        model = linearise(rays.points_world[candidates], mean, self._process)
-        weights = 1.0 / (1.0 + (model.residuals / REACH) ** 2)
-        main = labels == np.bincount(labels, weights).argmax()
-        of_main = model.pose_matrix[main], model.residuals[main]
-        step, posterior = placed(*of_main, covariance[:3, :3], self._variance)
-        residuals = model.residuals - model.pose_matrix @ step
-        variances = ((model.pose_matrix @ posterior) * model.pose_matrix).sum(axis=1)
-        reach = np.where(main, REACH + np.sqrt(np.maximum(variances, 0.0)), REACH_BESIDE)
-        return candidates[(residuals < reach) & (residuals > -2.0 * reach)]
+        off = np.abs(linearise(rays.points_world[candidates], mean, self._process).residuals)
+        main = np.bincount(labels, 1.0 / (1.0 + (off / REACH) ** 2)).argmax()
+        return candidates[(labels == main) | (off < REACH)]
 
     def linearised(self, rays: Rays, mean: np.ndarray) -> Linearisation:
         """The model of the points of `rays`, at the places where they most likely were.
@@ -250,18 +236,22 @@ class OneSide(JointCovariance):
         return mean + gain * offset
 
     def correct_by_scan(
-        self, gain: np.ndarray, model: Linearisation, rays: Rays, shape_stds: np.ndarray
-    ) -> float:
-        """After the update of the `model` of a scan by `gain` (6 + N, n); returns the NIS.
+        self, mean: np.ndarray, covariance: np.ndarray, rays: Rays, moves: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Mean (6 + N,) and covariance of the gain after the points of `rays`, and the NIS.
 
-        `rays` are those of its points, `shape_stds` (n,) m the standard deviations of the visible
-        shape.
+        `moves` (2, n) m are how far inside the ends of the outline those of the visible shape are,
+        and the standard deviations of the visible shape.
         """
+        insets, shape_stds = moves
+        mean = self.between_ends(rays, insets, mean, covariance)
+        model = self.linearised(rays, mean)
         gradients, (matrix, variances) = model.gradients, model.rows
         along = (gradients * rays.directions).sum(axis=1)
         squares = (gradients**2).sum(axis=1)
-        own = (self._std_factor * rays.stds * along) ** 2 + variances
-        own += self.roughness**2 * squares
+        own = (self._std_factor * rays.stds * along) ** 2
+        mean, covariance, gain, _ = update(mean, covariance, model, self._variance + own, False)
+        own += variances + self.roughness**2 * squares
         own += (squares - along**2) * rays.across_variances
         # Neighbours share the error of the visible shape, as far as they share the radius.
         between = model.directions_target @ model.directions_target.T - 1.0
@@ -271,21 +261,4 @@ class OneSide(JointCovariance):
         shared = (gradients[:, None] @ rays.shared)[:, 0]
         rows, residuals = np.hstack([matrix, shared]), model.residuals
         spread = self.correct(gain, rows, gain @ noise) @ rows.T + noise
-        return float(residuals @ np.linalg.solve(spread, residuals))
-
-
-def placed(
-    slopes: np.ndarray, residuals: np.ndarray, covariance: np.ndarray, variance: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """How far a robust fit of `residuals` (n,) m moves a pose, and its covariance (3, 3) then.
-
-    `slopes` (n, 3) are the derivatives by the pose, `covariance` (3, 3) is that before. The fit is
-    made twice, with the noise of a Cauchy distribution at the last residuals: `variance`, m², at
-    zero, and a tail of the scale `REACH`.
-    """
-    step, left = np.zeros(3), residuals
-    for _ in range(2):
-        variances = variance * (1.0 + (left / REACH) ** 2)
-        step, posterior, _ = correct(covariance, slopes, variances, residuals)
-        left = residuals - slopes @ step
-    return step, posterior
+        return mean, covariance, float(residuals @ np.linalg.solve(spread, residuals))

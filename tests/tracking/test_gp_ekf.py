@@ -74,12 +74,12 @@ def test_update_matches_the_textbook(seed, tangential, rank):
     mean, points = some_state(random)
     root = 0.3 * random.standard_normal((len(mean), rank))
     covariance = root @ root.T
-    variance = random.uniform(0.01, 0.1)
+    variance = random.uniform(0.01, 0.1, size=7)
     predicted, matrix, blocks = dense_model(points, mean, PROCESS)
     model = linearise(points, mean, PROCESS)
     noise = np.zeros((14, 14))
     for i in range(7):
-        noise[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = blocks[i] + variance * np.eye(2)
+        noise[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = blocks[i] + variance[i] * np.eye(2)
     innovation = points.ravel() - predicted
     if not tangential:
         # The component of each point along its direction from the centre.
