@@ -23,9 +23,6 @@ from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, NEAR, expected
 from stixel_cli.tracking.contour.ray_table import RayTable
 from stixel_cli.tracking.contour.residual import Residual
 
-NEAR_ACROSS = 0.15
-"""A ray that passes by the shape by no more, m, is in every gate."""
-
 EDGE_ON = 2.5
 """Baselines. A face whose plane passes the left camera by less is so short in the right image that
 a matcher loses it: 39 columns of a car's side, .83 m aside, are 14 there with `rig=kitti`."""
@@ -247,7 +244,7 @@ def associate(
     along += (rays.directions @ rotation(pose_and_size[2])) ** 2 @ grown
     errors = rays.ranges - ranges - sight.bias_per_std * rays.stds
     fits = np.abs(errors) < NEAR + GATE_STDS * np.sqrt(rays.stds**2 + stds**2 + along)
-    meets = misses < NEAR_ACROSS + GATE_STDS * np.sqrt(across)
+    meets = misses < 0.5 * NEAR + GATE_STDS * np.sqrt(across)
     inside = fits & meets & ~rays.others
     if inside.any():
         inside &= _of_target(rays.labels, inside)

@@ -18,8 +18,9 @@ as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks re
 is rounder than the class's."""
 
 NEAR = 0.3
-"""A point this near to the expected one along its ray, m, is in every gate. A point that is by this
-nearer than an end, and no farther beside it, or on the next ray, hides it."""
+"""A point this near to the expected one along its ray, m, and half as near across, is in every
+gate. A point that is by this nearer than an end, and no farther beside it, or on the next ray,
+hides it."""
 
 LEAST_COSINE = 0.2
 """Of the angle between a ray and a face's normal: the effect of an oblique face has this limit."""
