@@ -24,7 +24,7 @@ from stixel_cli.tracking.several import start_from_scans
 from stixel_cli.tracking.track import Track
 from stixel_cli.version import __version__
 
-OWN_START = ("start=scans", "start.duration=0.9")
+OWN_START = ("start=scans",)
 """The overrides of a start from the scans before the first that is scored."""
 
 

@@ -232,7 +232,7 @@ class StixelStream:
         if one.number not in self._contours:
             # Its scans so far are used now, as it was not clear before that it moves.
             start = ScansStart(**option_values("start", "scans"))
-            initial = initial_state(scans, one, first, SIZES, start)
+            initial = initial_state(scans, one, SIZES, start)
             first = min(one.rows)
             self._contours[one.number] = Contour(
                 "unknown",

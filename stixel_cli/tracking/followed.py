@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.clusters import LARGEST, clusters_of
@@ -22,9 +22,9 @@ from stixel_cli.tracking.association import gate
 from stixel_cli.tracking.kalman import CENTROID_STD, PLACE, correct, mixture
 from stixel_cli.tracking.track import InitialState
 
-BEGIN, END = 3, 5
+BEGIN = 3
 """A road user moves if so many scans in a row show it: with 2 there are three false tracks, with 4
-a car is not found. A track ends after so many without its cluster: with 3 starts are worse."""
+a car is not found."""
 
 ACCELERATION = 3.0
 """Process noise, m/s^1.5, as of `tracker=point`. With 1 there are two false tracks."""
@@ -37,7 +37,12 @@ CERTAIN = 12.0
 """A road user's speed is so many times its standard error. With 6 there are five false tracks."""
 
 LEAST_SCANS = 2 * BEGIN
-"""A road user that moves is in so many scans, or more: from the first half it has a speed."""
+"""A road user that moves is in so many scans, or more: from the first half it has a speed. A start
+is from so many, and a track ends after so many without its cluster: with 3 starts are worse."""
+
+STDS = np.array([0.4, 0.4, 0.2, 1.0, 1.0, 0.4])
+"""Standard deviations of a start: x, y, heading and their rates; m, rad, s. Of the velocity where
+the scans show it."""
 
 UNKNOWN_SPEED = max(row.speed for row in CLASS_ROWS.values())
 """Standard deviation of a velocity that the scans do not show, m/s: of any class."""
@@ -59,27 +64,12 @@ class ScansStart:
         range: [lowest, highest] distance from the sensor, m; null: any.
         motion: `scans`: heading and velocity are those of the cluster over time; `sensor`: those of
             the sensor, as of a car that drives ahead of it.
-        duration: the cluster is followed for this time, s.
-        position: standard deviation of x and of y, m; the others are standard deviations too.
-        heading: rad.
-        velocity: of the rates of x and of y, m/s.
-        heading_rate: rad/s.
     """
 
     kind: Literal["scans"]
     bearing: tuple[Degrees, Degrees] | None
     range: tuple[Metres, Metres] | None
     motion: Literal["scans", "sensor"]
-    duration: Annotated[float, Gt(0), Le(60)]
-    position: Annotated[float, Gt(0), Le(100)]
-    heading: Annotated[float, Gt(0), Le(3.2)]
-    velocity: Annotated[float, Gt(0), Le(100)]
-    heading_rate: Annotated[float, Gt(0), Le(10)]
-
-    @property
-    def std(self) -> tuple[float, ...]:
-        """Standard deviations (6,) of the state."""
-        return (*[self.position] * 2, self.heading, *[self.velocity] * 2, self.heading_rate)
 
     def check(self) -> None:
         """Raise ValueError for bounds that are not in order."""
@@ -107,16 +97,15 @@ class OpenTrack:
 
     def is_alive(self, k: int) -> bool:
         """Whether it may have a cluster in scan `k`, later than those that it has."""
-        return k - max(self.rows) <= (END if len(self.rows) >= BEGIN else 1)
+        return k - max(self.rows) <= (LEAST_SCANS if len(self.rows) >= BEGIN else 1)
 
     def at(self, ks: Sequence[int]) -> "OpenTrack":
         """The track in the scans `ks`."""
         return replace(self, rows={k: self.rows[k] for k in ks})
 
-    def within(self, scans: Scans, first: int, duration: float) -> "OpenTrack":
-        """The track in scan `first` and those of the next `duration` s."""
-        until = scans.times[first] + duration + 1e-9
-        return self.at([k for k in self.rows if k >= first and scans.times[k] <= until])
+    def since(self, first: int) -> "OpenTrack":
+        """The track in `LEAST_SCANS` of its scans, from `first` on."""
+        return self.at([k for k in self.rows if k >= first][:LEAST_SCANS])
 
     def velocity(self, scans: Scans) -> tuple[np.ndarray, float]:
         """The velocity (2,) m/s of the middles of its points, and its error, see `line`."""
@@ -221,10 +210,10 @@ def state_of(
     track `one`, or of the first alone with `start.motion=sensor`; the state is moved back in time
     at constant velocity. With several `sizes` (n, 2) m, of each possible class, it has the mean and
     the covariance of an even mixture of their states. The standard deviations of heading and rates
-    are greater than those of `start` where the scans do not show them.
+    are greater than the `STDS` where the scans do not show them.
     """
     of_sensor, sensors = start.motion == "sensor", scans.sensor_poses_world
-    ks, stds = [*one.rows][: 1 if of_sensor else None], np.array(start.std)
+    ks, stds = [*one.rows][: 1 if of_sensor else None], STDS.copy()
     points = [scans.points_world[one.rows[k]] for k in ks]
     times, near = scans.times[ks], slice(max(ks[0] - 1, 0), ks[0] + 2)
     if of_sensor:
@@ -240,9 +229,7 @@ def state_of(
         centres = np.array([_centre(each, sensor, heading, size) for each, sensor in seen])
         mean[:2], of_centres, error = line(times, centres)
         mean[2:5] = heading, *(velocity if of_sensor else of_centres)
-        if not of_sensor:
-            std = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
-            variance[3:5] = std**2
+        variance[3:5] = min(float(np.hypot(stds[3], error)), UNKNOWN_SPEED) ** 2
     covariances = variances[:, None] * np.eye(6)
     mean, covariance = mixture(np.full(len(sizes), 1.0 / len(sizes)), means, covariances)
     age = scans.times[first] - motion.intervals(scans.times)[first] - times.mean()

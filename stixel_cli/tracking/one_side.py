@@ -181,7 +181,9 @@ class OneSide(JointCovariance):
         labels = rays.labels[candidates]
         off = np.abs(linearise(rays.points_world[candidates], mean, self._process).residuals)
         main = np.bincount(labels, 1.0 / (1.0 + (off / REACH) ** 2)).argmax()
-        return candidates[(labels == main) | (off < REACH)]
+        # A segment that is mostly elsewhere has other objects', too.
+        whole = 2 * np.sum(labels == main) >= np.sum(rays.labels == main)
+        return candidates[(labels == main) & whole | (off < REACH)]
 
     def linearised(self, rays: Rays, mean: np.ndarray) -> Linearisation:
         """The model of the points of `rays`, at the places where they most likely were.

@@ -58,15 +58,12 @@ def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> Init
 
 
 def _target(scans: Scans, start: ScansStart, tracks: Sequence[OpenTrack]) -> OpenTrack | None:
-    """The target's track for `start.duration` from the first scan that has one.
-
-    Of several the one with the least value.
-    """
+    """The target's track from the first scan that has one; of several that with the least value."""
     chosen = start.bearing is not None or start.range is not None
     # A cluster that is alone in its scans may move with any doubt: nothing else can be the target.
     alone = sum(len(one.rows) for one in tracks) == len({k for one in tracks for k in one.rows})
     for k in range(len(scans)):
-        here = [one.within(scans, k, start.duration) for one in tracks if k in one.rows]
+        here = [one.since(k) for one in tracks if k in one.rows]
         values = [
             _from_middle(scans, k, one.rows[k], start) if chosen else _doubt(scans, one, alone)
             for one in here
@@ -111,8 +108,9 @@ def find_tracks(scans: Scans, prior: PriorShape, start: ScansStart) -> tuple[Fou
             kept.append((one, k))
         else:
             kept[i] = _joined(kept[i][0], one), min(k, kept[i][1])
-    states = [initial_state(scans, one, k, sizes, start) for one, k in kept]
-    return tuple(FoundTrack(one.rows, k, at) for (one, k), at in zip(kept, states, strict=True))
+    return tuple(
+        FoundTrack(one.rows, k, initial_state(scans, one, sizes, start)) for one, k in kept
+    )
 
 
 def track_each(
@@ -159,15 +157,14 @@ def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
 
 
 def initial_state(
-    scans: Scans, one: OpenTrack, last: int, sizes: np.ndarray, start: ScansStart
+    scans: Scans, one: OpenTrack, sizes: np.ndarray, start: ScansStart
 ) -> InitialState:
-    """State one sample before the first scan of a track that was confirmed in scan `last`.
+    """State one sample before the first scan of a track that is confirmed, from its first scans.
 
-    From its first scans up to that; the other arguments as of `state_of`.
+    The arguments are those of `state_of`.
     """
     first = min(one.rows)
-    duration = min(start.duration, scans.times[last] - scans.times[first])
-    return state_of(scans, one.within(scans, first, duration), sizes, start, first)
+    return state_of(scans, one.since(first), sizes, start, first)
 
 
 def are_one(scans: Scans, one: OpenTrack, other: OpenTrack, sizes: np.ndarray) -> bool:

@@ -129,10 +129,11 @@ def test_what_an_experiment_sets_stays(clip, tmp_path):
 
 
 def test_the_errors_of_a_real_rig_are_those_of_its_calibration(clip):
-    tracker = compose(of(clip, "tracker=contour")).configuration.tracker
+    chosen = compose(of(clip, "tracker=contour")).configuration
+    tracker = chosen.tracker
     # 4 px of 150.
     assert tracker.silhouette_std == pytest.approx(np.degrees(4 / 150), abs=1e-3)
-    assert tracker.length_std == 0.133
+    assert chosen.prior.length_std == 0.133
     own = compose(of(clip, "tracker=contour", "tracker.silhouette_std=0", "prior=cyclist"))
     assert own.configuration.tracker.silhouette_std == 0.0
     assert own.configuration.prior.length == 1.77

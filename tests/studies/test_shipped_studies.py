@@ -143,7 +143,7 @@ def test_the_first_paragraph_has_sixty_words_at_most(name):
 @pytest.mark.parametrize(
     ("study", "name", "terms", "plain"),
     [
-        ("accuracy", "ablation", 8, ["road_user=cyclist", "measurement=lidar_64"]),
+        ("accuracy", "ablation", 7, ["road_user=cyclist", "measurement=lidar_64"]),
         ("robustness_real", "terms", 6, ["experiment=pandaset", "road_user=cyclist"]),
     ],
 )

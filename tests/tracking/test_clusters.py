@@ -12,7 +12,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking import several
-from stixel_cli.tracking.followed import BEGIN, END, LEAST_SCANS, assign, follow
+from stixel_cli.tracking.followed import BEGIN, LEAST_SCANS, assign, follow
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.several import (
     confirmed,
@@ -93,8 +93,8 @@ def seen_in(scans_seen, count):
         ({3, 4}, []),
         ({3, 4, 5}, [[3, 5]]),
         ({3, 4, 6}, []),
-        (set(range(2, 8)) | set(range(8 + END, 20)), [[2, 7], [8 + END, 19]]),
-        (set(range(2, 8)) | set(range(7 + END, 20)), [[2, 19]]),
+        (set(range(2, 8)) | set(range(8 + LEAST_SCANS, 20)), [[2, 7], [8 + LEAST_SCANS, 19]]),
+        (set(range(2, 8)) | set(range(7 + LEAST_SCANS, 20)), [[2, 19]]),
     ],
 )
 def test_a_track_begins_without_a_gap_and_ends_without_clusters(seen, scans):

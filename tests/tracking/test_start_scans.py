@@ -100,7 +100,7 @@ def test_a_distant_target_of_a_slow_and_sparse_lidar_is_found():
     points = [world_from_target(side, pose) for pose in poses]
     scans = scans_of(points, times=np.arange(5.0))
     prior = replace(PRIOR, length=8.5, width=3.0)
-    state = start_from_scans(scans, replace(START, duration=3.0), prior)
+    state = start_from_scans(scans, START, prior)
     predicted = transition(1.0) @ state.mean
     assert np.hypot(*(predicted[:2] - centres[0])) < 2.0
     np.testing.assert_allclose(predicted[3:5], 6.0 * np.array([0.94, 0.34]), atol=1.0)
