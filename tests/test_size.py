@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_449
+TOTAL = 44_417
 """Greatest number of lines in all."""
 
 MODULES = 239
@@ -33,7 +33,7 @@ BUDGET = {
     "geometry": 410,
     "live": 614,
     "machine": 185,
-    "measurements": 1804,
+    "measurements": 1808,
     "pictures": 1376,
     "recordings": 2593,
     "rendering": 2154,
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 5812,
+    "tracking": 5776,
     "validation": 1293,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
