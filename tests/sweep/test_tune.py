@@ -12,7 +12,7 @@ from stixel_cli.sweeps import tuning
 
 FEW = ["measurement=fabricated", "path.duration=0.3", "executor=threads"]
 TUNED = [*FEW, "tracker.sigma_q=tag(log,interval(0.1,10))", "tracker.basis_points=interval(10,50)"]
-TUNED += ["tracker.measurement_std=0.4,0.001", "path=turn,s_curve", "road_user.shape_seed=1000"]
+TUNED += ["prior.length=4.52,1.0", "path=turn,s_curve", "road_user.shape_seed=1000"]
 OPTIONS = ["--over", "path", "--objective", "iou_mean,nees_position_mean"]
 OPTIONS += ["--seeds", "5", "--trials", "3"]
 
@@ -39,7 +39,7 @@ def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
     one = tune(*TUNED, *OPTIONS, "--workers", "1", "--name", "one")
     table = Path("results/one/trials.csv").read_text()
     assert len(table.splitlines()) == 1 + 1 + 3
-    # A standard deviation of 1 mm is clearly worse after four seeds.
+    # A car of 1 m is clearly worse after four seeds.
     assert ",stopped," in table and ",on the front," in table
     gains = [row for row in one["gain"] if row["trial"] == one["trial"]]
     assert [row["metric"] for row in gains] == ["iou_mean", "nees_position_mean"]

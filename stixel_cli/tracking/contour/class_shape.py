@@ -24,9 +24,6 @@ from stixel_cli.tracking.contour.user_shape import read_class
 MODES, LIMB_MODES, MODE_ANGLES = 12, 6, 120
 """Modes of the outline, those of moving limbs, and the even angles at which they are given."""
 
-OUTLINE_STD = 0.03
-"""How well the outline of a class or of a free form, scaled, fits one road user at least, m."""
-
 HEIGHTS = 0.35 + 0.1 * np.arange(16)
 """Above the road, m, at which it is known how far a class's faces are inside its outline."""
 

@@ -270,18 +270,18 @@ def segments(bearings: np.ndarray, points_world: np.ndarray, stds: np.ndarray) -
     may be points of clutter, or of other objects at the same bearing.
     """
     order, labels = np.argsort(bearings, kind="stable"), np.arange(len(bearings))
-    _join(labels, points_world[order], stds[order])
+    _join(labels, points_world[order], stds[order], GAP)
     labels[order] = labels.copy()
     return labels
 
 
 @njit(cache=True)
-def _join(labels, points, stds):
+def _join(labels, points, stds, gap):
     """Give points the label of one of the `NEIGHBOURS` before them that is near, and join both."""
     for i in range(len(labels)):
         for j in range(max(i - NEIGHBOURS, 0), i):
             apart = hypot(points[i, 0] - points[j, 0], points[i, 1] - points[j, 1])
-            if apart <= GAP + 2.0 * (stds[i] + stds[j]):
+            if apart <= gap + 2.0 * (stds[i] + stds[j]):
                 first, second = min(labels[i], labels[j]), max(labels[i], labels[j])
                 for k in range(second, i + 1):
                     if labels[k] == second:

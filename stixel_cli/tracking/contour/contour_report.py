@@ -3,8 +3,8 @@
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.tracking.contour.class_shape import OUTLINE_STD, ClassShape
-from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE
+from stixel_cli.tracking.contour.class_shape import ClassShape
+from stixel_cli.tracking.contour.ray_kernels import LEAST_COSINE, OUTLINE_STD
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.track import contour_directions
 

@@ -8,10 +8,9 @@ import numpy as np
 
 from stixel_cli.tracking.association import GATE_STDS, uncut
 from stixel_cli.tracking.consider import JointCovariance
-from stixel_cli.tracking.contour.class_shape import OUTLINE_STD
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, sampling_inset
-from stixel_cli.tracking.contour.ray_kernels import NEAR, Measured, Rows, rows_at
+from stixel_cli.tracking.contour.ray_kernels import NEAR, OUTLINE_STD, Measured, Rows, rows_at
 from stixel_cli.tracking.kalman import Step, correct, normalised_innovation_squared
 
 SEEN = np.array([0, 1, 2, 5, 6])

@@ -17,13 +17,13 @@ import shapely
 
 from stixel_cli.tracking.contour import ray_table
 from stixel_cli.tracking.contour.class_shape import (
-    OUTLINE_STD,
     ClassShape,
     class_shape,
     height_insets,
 )
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Sight, sight_of
+from stixel_cli.tracking.contour.ray_kernels import OUTLINE_STD
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape

@@ -10,12 +10,14 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.geometry.kernel import returning
-from stixel_cli.tracking.contour.class_shape import OUTLINE_STD
 
 CAP = 0.5
 """Of half the length or the width: a change of the size moves what is nearer to an end by as much
 as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks real cars whose front
 is rounder than the class's."""
+
+OUTLINE_STD = 0.03
+"""How well the outline of a class or of a free form, scaled, fits one road user at least, m."""
 
 NEAR = 0.3
 """A point this near to the expected one along its ray, m, and half as near across, is in every
