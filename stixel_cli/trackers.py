@@ -120,8 +120,8 @@ class Contour:
         rates = pose_rates(before, sensor_pose, interval)
         self._time, self._sensor_pose = time, sensor_pose
         interval = min(interval, LONGEST_GAP)
-        self._bank.step(interval, rays_of(points, covariances, sensor_pose, self._field_of_view))
-        track = self._bank.latest()
+        rays = rays_of(points, covariances, sensor_pose, self._field_of_view)
+        track = self._bank.step(interval, rays)
         moved = self._shared_errors.pose_shifts(track.means[0], sensor_pose, rates)
         return Estimate(
             track.means[0, :3],

@@ -18,7 +18,6 @@ from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_rays import sight_of
 from stixel_cli.tracking.contour.contour_recovery import RECENT, clusters_of, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import box_sizes
-from stixel_cli.tracking.contour.contour_update import Hypothesis
 from stixel_cli.tracking.contour.residual import NODES, Residual
 
 WORDS = ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
@@ -81,14 +80,10 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
 
 
 def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():
-    def scans(*nis):
-        unseen = Hypothesis((np.zeros(7), np.eye(7), None))
-        return [replace(unseen, nis=one, degrees=0 if np.isnan(one) else 4) for one in nis]
-
-    great = scans(0.1, 8.0, np.nan, 8.0, 8.0)
-    assert [is_inconsistent(great[:k]) for k in range(1, 6)] == [False] * 4 + [True]
-    assert not is_inconsistent(great[: RECENT - 1])
-    assert not is_inconsistent(scans(0.05, 4.0, np.nan, 4.0, 4.0))
+    great = [0.02, 2.0, 2.0, 2.0]
+    assert [is_inconsistent(great[:k]) for k in range(1, 5)] == [False] * 3 + [True]
+    assert not is_inconsistent([2.0] * (RECENT - 1))
+    assert not is_inconsistent([0.01, 1.0, 1.0, 1.0])
 
 
 def test_the_cluster_of_the_points_has_their_neighbours_but_nothing_larger_than_the_class():

@@ -31,8 +31,9 @@ from stixel_cli.tracking.contour.class_size import ClassSize, class_size, states
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import FACES, Rays, rays_of
-from stixel_cli.tracking.contour.contour_update import CONTRADICTED
+from stixel_cli.tracking.contour.contour_update import CONTRADICTED, Hypothesis
 from stixel_cli.tracking.contour.forms import forms_of, free_form
+from stixel_cli.tracking.kalman import smooth
 from stixel_cli.tracking.loop import each_scan
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import (
@@ -58,9 +59,11 @@ def track(
     """
     scans, used = scans.nearest_returns()
     bank = ClassBank(initial, prior, tracker, 0 if scans.heights is None else FACES)
-    for _, interval, *points, sensor, heights in each_scan(scans):
+    reports = [
         bank.step(interval, rays_of(*points, sensor, scans.field_of_view, heights))
-    track = bank.track(scans.times, scans.offsets[:-1])
+        for _, interval, *points, sensor, heights in each_scan(scans)
+    ]
+    track = bank.joined(reports, scans)
     return with_sensor_errors(track, scans).of_points(used)
 
 
@@ -91,14 +94,16 @@ class ClassBank:
         if tracker.road_user == "estimated" and not (prior.class_file or states_size(prior)):
             of_none = free_form(prior)
             self._filters[OTHER, "free"] = ClassFilter(initial, *of_none, tracker, face_errors)
-        self._kept = dict(self._filters)
+        self._kept, self._steps = dict(self._filters), list[tuple[ClassFilter, Hypothesis]]()
         self._background = Background()
         self._start = next((key for key in self._filters if key[0] == self._own), None)
         self._assumed, self._chosen, self._log_weights = self._own, [], []
-        self._spreads: list[np.ndarray] = []
 
-    def step(self, interval: float, rays: Rays) -> None:
-        """The next scan, an `interval` in s after the one before, with the `rays` of its points."""
+    def step(self, interval: float, rays: Rays) -> Track:
+        """The next scan, an `interval` in s after the one before, with the `rays` of its points.
+
+        Returns the track of this scan alone, at time 0, from no later one.
+        """
         leader = self._kept.get(self._chosen[-1] if self._chosen else self._start)
         if leader:
             free = self._kept.get((OTHER, "free"), leader)
@@ -114,17 +119,21 @@ class ClassBank:
         for one in self._kept.values():
             if one is not leader:
                 one.step(interval, rays)
-        self._choose()
+        spread = self._choose()
+        one = self._kept[self._chosen[-1]]
         self._kept = not_ruled_out(self._kept, self._own)
+        if self._lag != 0:
+            self._steps.append((one, one.best))
+        return replace(widened(one.report(), spread), **self._classes(slice(-1, None)))
 
-    def _choose(self) -> None:
-        """Which filter is reported at this scan.
+    def _choose(self) -> np.ndarray:
+        """Choose which filter is reported at this scan; returns `_spread`.
 
         An outline that the user states is believed until the scans contradict it, and that the
         target is of no known class once they contradict all classes.
         """
         likelihoods = {
-            key: -1e9 if _is_far(one) else one.log_weights[-1] for key, one in self._kept.items()
+            key: -1e9 if _is_far(one) else one.log_weight for key, one in self._kept.items()
         }
         odds = {"outline": CONTRADICTED, "free": -CONTRADICTED}
         weights = {key: one + odds.get(key[1], 0.0) for key, one in likelihoods.items()}
@@ -136,45 +145,51 @@ class ClassBank:
             self._assumed = None
         self._chosen.append(max((key for key in weights if key[0] == name), key=weights.get))
         self._log_weights.append(of_class)
-        self._spreads.append(self._spread(np.array([*likelihoods.values()])))
+        return self._spread(np.array([*likelihoods.values()]))
 
     def _spread(self, log_likelihoods: np.ndarray) -> np.ndarray:
-        """How far the filters are from the reported one, as probable as they are: (8, 8).
+        """How far the filters are from the reported one, as probable as they are: (1, 8, 8).
 
         Without the odds: they say what is reported, and a wrong form is reported until they are
         reached.
         """
         shares = np.exp(log_likelihoods - np.logaddexp.reduce(log_likelihoods))
-        reported = self._kept[self._chosen[-1]].reported
-        away = np.stack([one.reported for one in self._kept.values()]) - reported
+        states = {key: one.reported for key, one in self._kept.items()}
+        away = np.stack([*states.values()]) - states[self._chosen[-1]]
         away[:, 2], away[:, 6:] = wrap_angle(away[:, 2]), 0.0
-        return (away.T * shares) @ away
+        return ((away.T * shares) @ away)[None]
 
-    def latest(self) -> Track:
-        """`track` of the last scan alone, at time 0, from no later one."""
-        track = widened(self._filters[self._chosen[-1]].latest(), np.array(self._spreads[-1:]))
-        return replace(track, **self._classes(slice(-1, None)))
+    def joined(self, reports: Sequence[Track], scans: Scans) -> Track:
+        """The track of all `scans`, from the report of each."""
+        first = next(iter(self._filters.values())).report()
+        of_all = {
+            name: np.concatenate([getattr(one, name) for one in (first, *reports)])[1:]
+            for name, value in vars(first).items()
+            if isinstance(value, np.ndarray) and not name.startswith("used_")
+        }
+        used = zip(reports, scans.offsets[:-1], strict=True)
+        offsets, rows = used_rows([one.used_points + offset for one, offset in used])
+        of_all |= {"times": scans.times, "used_offsets": offsets, "used_points": rows}
+        track = replace(first, **of_all, **self._classes(slice(None)))
+        return replace(track, smoothed=self._smoothed(track)) if self._steps else track
 
-    def track(self, times: np.ndarray, offsets: np.ndarray) -> Track:
-        """The track of all scans, at `times` (K,) s, whose first rows are `offsets` (K,)."""
-        if not len(times):
-            return next(iter(self._filters.values())).track(times, offsets)
-        tracks = {key: self._filters[key].track(times, offsets) for key in set(self._chosen)}
-        classes = self._classes(slice(None))
-        filtered = replace(_joined([tracks[key] for key in self._chosen]), **classes)
-        filtered = widened(filtered, np.array(self._spreads))
-        if self._lag == 0:
-            return filtered
-        # What is smoothed at k is of the class that is reported after the scans up to k + lag.
-        last = len(self._chosen) - 1
-        lag = last if self._lag is None else self._lag
-        then = [self._chosen[min(k + lag, last)] for k in range(last + 1)]
-        smoothed = _joined([tracks[key].smoothed for key in then])
-        return replace(filtered, smoothed=replace(smoothed, **classes))
+    def _smoothed(self, track: Track) -> Track:
+        """The `track`, smoothed: at k of the class reported after the scans up to k + lag."""
+        means, covariances = smooth([one.step for _, one in self._steps], self._lag)
+        last, described = len(means) - 1, []
+        for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
+            then = self._steps[last if self._lag is None else min(k + self._lag, last)][0]
+            # Smoothing leaves the same share of the stated covariance as of the gain's.
+            one = self._steps[k][1]
+            share = np.diag(one.stated) / np.maximum(np.diag(one.state[1]), 1e-12)
+            scale = np.sqrt(np.maximum(share, 0.0))
+            described.append(then.described(mean, np.outer(scale, scale) * covariance))
+        of_all = {name: np.concatenate([one[name] for one in described]) for name in described[0]}
+        return replace(track, **of_all, lag=self._lag)
 
     def _classes(self, scans: slice) -> dict[str, Any]:
         """What a track of the `scans` says of classes: nothing, if the prior's is reported."""
-        if self._assumed is not None:
+        if self._assumed is not None or not self._chosen:
             return {"class_probabilities": None, "class_replaced": None}
         chosen, log_weights = self._chosen[scans], self._log_weights[scans]
         names = list(dict.fromkeys(road_user for road_user, _ in self._filters))
@@ -191,16 +206,14 @@ class ClassBank:
 def not_ruled_out(filters: Mapping[Key, ClassFilter], own: str | None) -> dict[Key, ClassFilter]:
     """Those that the scans do not contradict, and those of the prior's `own` class."""
     # A class that a stretched size keeps likely does not rule out others.
-    likely = [one.log_weights[-1] for one in filters.values() if not _is_far(one)]
+    likely = [one.log_weight for one in filters.values() if not _is_far(one)]
     least = max(likely, default=-np.inf) - CONTRADICTED
-    return {
-        key: one for key, one in filters.items() if one.log_weights[-1] >= least or key[0] == own
-    }
+    return {key: one for key, one in filters.items() if one.log_weight >= least or key[0] == own}
 
 
 def _is_far(one: ClassFilter) -> bool:
     """Whether another target's points stretched the size before they contradict the shape."""
-    return one.size_deviations[-1] > GATE_STDS
+    return one.size_deviation > GATE_STDS
 
 
 def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
@@ -262,16 +275,3 @@ def reported_class(log_weights: Mapping[str, float], assumed: str | None) -> str
     if assumed is None or log_weights[best] - log_weights[assumed] > CONTRADICTED:
         return best
     return assumed
-
-
-def _joined(tracks: Sequence[Track]) -> Track:
-    """The track that has at each scan k what the k-th of `tracks` has there."""
-    values = {
-        name: np.stack([getattr(one, name)[k] for k, one in enumerate(tracks)])
-        for name, value in vars(tracks[0]).items()
-        if isinstance(value, np.ndarray) and not name.startswith("used_")
-    }
-    offsets, rows = used_rows(
-        [one.used_points[slice(*one.used_offsets[k : k + 2])] for k, one in enumerate(tracks)]
-    )
-    return replace(tracks[0], **values, used_offsets=offsets, used_points=rows)

@@ -30,7 +30,6 @@ Student distribution, e the normalised error at the current iterate (Lange, Litt
 *The iterated Kalman filter update as a Gauss-Newton method*).
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -52,7 +51,6 @@ from stixel_cli.tracking.contour.contour_recovery import (
 from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_sizes, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, Hypothesis, Measurement
 from stixel_cli.tracking.contour.residual import NODES, RESIDUAL_STD
-from stixel_cli.tracking.kalman import smooth
 from stixel_cli.tracking.motion import tied_to_velocity
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import OTHER, InitialState, Track
@@ -69,8 +67,8 @@ class ClassFilter:
     state between scans, as the filters of all classes take the same scan before the next.
 
     Attributes:
-        log_weights: of the class after each scan, see `contour.py`.
-        size_deviations: of the size from the class's after each scan, in its standard deviations.
+        log_weight: of the class after the last scan, see `contour.py`; None before the first.
+        size_deviation: of the size from the class's then, in its standard deviations.
     """
 
     def __init__(
@@ -89,21 +87,26 @@ class ClassFilter:
         mean, covariance = start(initial, *self._size)
         joint = JointCovariance(covariance, face_errors)
         self._hypotheses = [Hypothesis((mean, covariance, joint))]
-        self._states, self._start = len(mean), np.zeros_like(covariance)
+        self._start = np.zeros_like(covariance)
         self._start[:5, :5] = covariance[:5, :5]
-        self._reported: list[Hypothesis] = []
-        self._covariances: list[np.ndarray] = []
-        self.size_deviations: list[float] = []
-        self.log_weights: list[float] = []
+        self._ratios: list[float] = []
+        self._without_points = RECENT
+        self.log_weight: float | None = None
+        self.size_deviation = 0.0
+
+    @property
+    def best(self) -> Hypothesis:
+        """The likeliest after the last scan."""
+        return self._hypotheses[0]
 
     @property
     def unseen(self) -> bool:
         """Whether none of the last scans, or no scan yet, had points of the target."""
-        return not any(one.degrees for one in self._reported[-RECENT:])
+        return self._without_points >= RECENT
 
     def expected(self, interval: float) -> tuple[np.ndarray, float]:
         """Place (2,) m an `interval` in s later, and how far from there the target may reach, m."""
-        mean, covariance, _ = self._hypotheses[0].state
+        mean, covariance, _ = self.best.state
         later, matrix, noise = predict(mean, interval, self._tracker, *self._size)
         variances = np.diag(matrix @ covariance @ matrix.T + noise)[:2]
         half = 0.5 * float(np.hypot(*(self.sight.table.extents * np.exp(mean[5:7]))))
@@ -118,28 +121,24 @@ class ClassFilter:
         steps = rivals([self._advanced(one, interval, rays) for one in self._hypotheses])
         best = steps[0]
         if best.degrees:
-            contradicted = is_inconsistent([*self._reported, best])
+            contradicted = is_inconsistent([*self._ratios, best.nis / best.degrees])
             if first or (len(steps) == 1 and contradicted):
                 # A turned or shifted target may be an error that only later scans contradict.
                 steps = rivals([*self._detected(best, rays, first), *([] if first else steps)])
                 best = steps[0]
-        mean, covariance, joint = best.state
+        mean, covariance, _ = best.state
         fastest = mean[3] + 2.0 * np.sqrt(covariance[3, 3])
         if fastest < -class_row(self._road_user).reverse_speed:
             best = replace(best, state=turned(*best.state), transition=None)
-            steps, (mean, covariance, joint) = [best], best.state
+            steps, mean = [best], best.state[0]
         self._hypotheses = steps
-        covariance = joint.matrix[: len(mean), : len(mean)].copy()
-        # Only smoothing reads the joint covariance and the prediction of an earlier scan.
-        kept = replace(best, state=(mean, best.state[1], None), prior=None)
-        self._reported.append(kept if self._tracker.lag == 0 else best)
-        self._covariances.append(covariance)
-        deviation = float(np.abs((mean[5:7] - self._size[0]) / self._size[1]).max())
-        weight = log_weight(
-            best.log_likelihood, deviation, mean[3], covariance[3, 3], self._road_user
+        if best.degrees:
+            self._ratios.append(best.nis / best.degrees)
+        self._without_points = 0 if best.degrees else self._without_points + 1
+        self.size_deviation = float(np.abs((mean[5:7] - self._size[0]) / self._size[1]).max())
+        self.log_weight = log_weight(
+            best.log_likelihood, self.size_deviation, mean[3], best.stated[3, 3], self._road_user
         )
-        self.size_deviations.append(deviation)
-        self.log_weights.append(weight)
         return best.indices
 
     def _advanced(self, one: Hypothesis, interval: float, rays: Rays) -> Hypothesis:
@@ -167,7 +166,7 @@ class ClassFilter:
 
         `first`: at the first scan with points, or the first after a gap.
         """
-        after_gap = first and bool(self._reported)
+        after_gap = first and self.log_weight is not None
         prior, sight = replace(one.prior, transition=None), self.sight
         mean, covariance, joint = prior.state
         if not first:
@@ -182,61 +181,41 @@ class ClassFilter:
     @property
     def reported(self) -> np.ndarray:
         """State (8,) after the last scan, as a track has it."""
-        mean, covariance, _ = self._reported[-1].state
+        mean, covariance, _ = self.best.state
         return reported(mean[None], covariance[None], self.sight.residual)[0][0]
 
-    def latest(self) -> Track:
-        """`track` of the last scan alone, at time 0."""
-        return self._track([0.0], [0], slice(-1, None))
+    def report(self) -> Track:
+        """The track of the last scan alone, at time 0.
 
-    def track(self, times: Sequence[float], offsets: Sequence[int]) -> Track:
-        """The posteriors of all scans with a step, the first ones of those at `times` (K,) s.
-
-        `offsets` (K,) are the first rows of the scans. The states are x, y, heading, their rates,
-        and the two logarithms of size; the velocity is along the heading. A scan with n points has
-        n degrees of freedom, and one for each silhouette that is used. `contour_std` is that of the
-        reported contour along the ray from the estimated centre: pose, size and shape together.
+        The states are x, y, heading, their rates, and the two logarithms of size; the velocity is
+        along the heading. A scan with n points has n degrees of freedom, and one for each
+        silhouette that is used. `contour_std` is that of the reported contour along the ray from
+        the estimated centre: pose, size and shape together.
         """
-        count = len(self._reported)
-        filtered = self._track(times[:count], offsets[:count])
-        if self._tracker.lag == 0 or not count:
-            return filtered
-        steps = [one.step for one in self._reported]
-        means, covariances = smooth(steps, self._tracker.lag)
-        # Smoothing leaves the same share of the stated covariance as of the gain's.
-        for k, one in enumerate(self._reported):
-            own, of_gain = np.diag(self._covariances[k]), np.diag(one.state[1])
-            scale = np.sqrt(np.maximum(own, 0.0) / np.maximum(of_gain, 1e-12))
-            covariances[k] = np.outer(scale, scale) * covariances[k]
-        smoothed = self._track(times[:count], offsets[:count], estimates=(means, covariances))
-        return replace(filtered, smoothed=replace(smoothed, lag=self._tracker.lag))
+        best = self.best
+        return Track(
+            np.zeros(1),
+            **self.described(best.state[0], best.stated),
+            used_offsets=np.array([0, len(best.indices)]),
+            used_points=best.indices,
+            nis=np.array([best.nis]),
+            nis_degrees_of_freedom=np.array([best.degrees]),
+            size_deviations=np.array([self.size_deviation]),
+        )
 
-    def _track(
-        self,
-        times: Sequence[float],
-        offsets: Sequence[int],
-        scans: slice = slice(None),
-        estimates: tuple[np.ndarray, np.ndarray] | None = None,
-    ) -> Track:
-        """The track of the `scans`, with the means and covariances of the filter or `estimates`."""
-        chosen, size = self._reported[scans], self._states
-        means, covariances = estimates or (
-            np.array([one.state[0] for one in chosen]).reshape(-1, size),
-            np.array(self._covariances[scans]).reshape(-1, size, size),
-        )
-        residual, points = self.sight.residual, self._tracker.contour_points
-        return replace(
-            Track.of_scans(
-                times,
-                reported(means, covariances, residual),
-                contours_of(means, covariances, self._shape, points, residual),
-                [one.indices + offset for one, offset in zip(chosen, offsets, strict=True)],
-                np.array([one.nis for one in chosen]),
-                np.array([one.degrees for one in chosen], np.int64),
-            ),
-            box_sizes=box_sizes(means, self._shape, residual),
-            size_deviations=np.array(self.size_deviations[scans]),
-        )
+    def described(self, mean: np.ndarray, covariance: np.ndarray) -> dict[str, np.ndarray]:
+        """What a track of one scan has of a state with `mean` (d,) and `covariance` (d, d)."""
+        means, covariances, residual = mean[None], covariance[None], self.sight.residual
+        shape, points = self._shape, self._tracker.contour_points
+        states, spreads = reported(means, covariances, residual)
+        contours, stds = contours_of(means, covariances, shape, points, residual)
+        return {
+            "means": states,
+            "covariances": spreads,
+            "contours_world": contours,
+            "contour_std": stds,
+            "box_sizes": box_sizes(means, shape, residual),
+        }
 
 
 def class_row(road_user: str) -> ClassRow:

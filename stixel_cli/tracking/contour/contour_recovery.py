@@ -38,10 +38,9 @@ SAME = 0.1
 """Two hypotheses are one if they are no farther apart, rad, and their places are `NEAR`."""
 
 
-def is_inconsistent(scans: Sequence[Hypothesis]) -> bool:
-    """Whether the last of these scans with points contradict the track."""
-    ratios = [one.nis / one.degrees for one in scans if one.degrees][-RECENT:]
-    return len(ratios) == RECENT and float(np.mean(ratios)) > INCONSISTENT
+def is_inconsistent(ratios: Sequence[float]) -> bool:
+    """Whether the last scans with points contradict the track, by NIS / degrees of freedom."""
+    return len(ratios) >= RECENT and float(np.mean(ratios[-RECENT:])) > INCONSISTENT
 
 
 def detect_again(

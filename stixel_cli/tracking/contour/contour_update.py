@@ -55,6 +55,12 @@ class Hypothesis:
     transition: np.ndarray | None = None
     """(d, d) Jacobian of that prediction; None where the filter started again."""
 
+    @property
+    def stated(self) -> np.ndarray:
+        """(d, d) covariance of the error of the mean."""
+        joint = self.state[2]
+        return joint.matrix[: joint.size, : joint.size]
+
     @cached_property
     def step(self) -> Step:
         """What smoothing needs of this scan."""
