@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from stixel_cli.rendering.frames import StereoPairs
     from stixel_cli.stixels.types import Objects
     from stixel_cli.trackers import Contour, Estimate
-    from stixel_cli.tracking.followed import OpenTrack
+    from stixel_cli.tracking.followed import ClusterTrack
 
 CALIBRATED = (100, 200, 400)
 """Numbers of pairs after which the rig's error is estimated, from all pairs of images by then."""
@@ -94,7 +94,7 @@ class StixelStream:
         self._camera: np.ndarray | None = None
         self._poses = np.zeros((0, 3))
         self._scans: deque[Scans] = deque()
-        self._tracks: list[OpenTrack] = []
+        self._tracks: list[ClusterTrack] = []
         self._calibration: RigCalibration | None = None
         self._lefts: list[np.ndarray] = []
         self._motions: list[Pair] = []
@@ -221,7 +221,7 @@ class StixelStream:
             moving.append(MovingObject(number, one.mean, one.covariance, points, estimate))
         return tuple(moving)
 
-    def _estimate(self, scans: "Scans", one: "OpenTrack") -> "Estimate":
+    def _estimate(self, scans: "Scans", one: "ClusterTrack") -> "Estimate":
         """Pose, size and contour of a track after the last of the `scans`."""
         from stixel_cli.trackers import Contour
         from stixel_cli.tracking.contour.class_size import SIZES

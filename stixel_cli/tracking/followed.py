@@ -84,8 +84,8 @@ class ScansStart:
 
 
 @dataclass
-class OpenTrack:
-    """A cluster over time, while it is followed."""
+class ClusterTrack:
+    """A cluster of points over time."""
 
     rows: dict[int, np.ndarray]
     """Of each scan that has the cluster, ascending, the rows (n_k,) of the scans' arrays."""
@@ -94,18 +94,30 @@ class OpenTrack:
     """`mean`, `covariance`: (4,), (4, 4) of place and velocity, m and m/s, at the last scan."""
     number: int | None = None
     """Of the road user, where tracks are numbered."""
+    confirmed: int | None = None
+    """The scan up to which it was followed until it was clear that it moves."""
+    initial: InitialState | None = None
+    """The state one sample before the first of its scans, where it is tracked."""
 
     def is_alive(self, k: int) -> bool:
         """Whether it may have a cluster in scan `k`, later than those that it has."""
         return k - max(self.rows) <= (LEAST_SCANS if len(self.rows) >= BEGIN else 1)
 
-    def at(self, ks: Sequence[int]) -> "OpenTrack":
+    def at(self, ks: Sequence[int]) -> "ClusterTrack":
         """The track in the scans `ks`."""
         return replace(self, rows={k: self.rows[k] for k in ks})
 
-    def since(self, first: int) -> "OpenTrack":
+    def since(self, first: int) -> "ClusterTrack":
         """The track in `LEAST_SCANS` of its scans, from `first` on."""
         return self.at([k for k in self.rows if k >= first][:LEAST_SCANS])
+
+    def join(self, other: "ClusterTrack") -> None:
+        """Add the clusters of another part of the same road user."""
+        for k, more in other.rows.items():
+            own = self.rows.get(k, np.zeros(0, np.int64))
+            self.rows[k] = np.sort(np.concatenate([own, more]))
+        self.rows = dict(sorted(self.rows.items()))
+        self.confirmed = min(self.confirmed, other.confirmed)
 
     def velocity(self, scans: Scans) -> tuple[np.ndarray, float]:
         """The velocity (2,) m/s of the middles of its points, and its error, see `line`."""
@@ -125,15 +137,15 @@ def least_speed(of_sensor: float) -> float:
     return motion.LEAST_SPEED + OF_SENSOR * of_sensor
 
 
-def follow(scans: Scans, sizes: np.ndarray) -> list[OpenTrack]:
+def follow(scans: Scans, sizes: np.ndarray) -> list[ClusterTrack]:
     """All tracks, begun or not, in the order of their first scans; `sizes` as of `follow_scan`."""
-    tracks: list[OpenTrack] = []
+    tracks: list[ClusterTrack] = []
     for k in range(len(scans)):
         follow_scan(tracks, scans, k, sizes)
     return tracks
 
 
-def follow_scan(tracks: list[OpenTrack], scans: Scans, k: int, sizes: np.ndarray) -> None:
+def follow_scan(tracks: list[ClusterTrack], scans: Scans, k: int, sizes: np.ndarray) -> None:
     """Change `tracks` by scan k; add those that it begins.
 
     `sizes` (n, 2) m are those of the class, or of each possible class.
@@ -157,7 +169,7 @@ def follow_scan(tracks: list[OpenTrack], scans: Scans, k: int, sizes: np.ndarray
     for j in {*range(len(clusters))} - {*pairs.values()}:
         covariance = np.diag([0.0, 0.0, UNKNOWN_SPEED**2, UNKNOWN_SPEED**2])
         covariance[:2, :2] = noise[j]
-        tracks.append(OpenTrack({k: clusters[j]}, np.array([*places[j], 0.0, 0.0]), covariance))
+        tracks.append(ClusterTrack({k: clusters[j]}, np.array([*places[j], 0.0, 0.0]), covariance))
 
 
 def assign(
@@ -202,7 +214,7 @@ def line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray,
 
 
 def state_of(
-    scans: Scans, one: OpenTrack, sizes: np.ndarray, start: ScansStart, first: int = 0
+    scans: Scans, one: ClusterTrack, sizes: np.ndarray, start: ScansStart, first: int = 0
 ) -> InitialState:
     """State one sample before the scan `first`: the class's rectangle on a cluster.
 

@@ -17,10 +17,10 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.clusters import GAP, LARGEST
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.contour.class_size import SIZES, possible_sizes
-from stixel_cli.tracking.followed import BEGIN, OpenTrack, ScansStart, follow, state_of
+from stixel_cli.tracking.followed import BEGIN, ClusterTrack, ScansStart, follow, state_of
 from stixel_cli.tracking.motion import LEAST_SPEED
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import FoundTrack, InitialState, ObjectTrack
+from stixel_cli.tracking.track import InitialState, ObjectTrack
 
 RECENT = 20
 """Speed and places left are those of so many of the last scans that have the cluster: with all, a
@@ -57,7 +57,7 @@ def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> Init
     )
 
 
-def _target(scans: Scans, start: ScansStart, tracks: Sequence[OpenTrack]) -> OpenTrack | None:
+def _target(scans: Scans, start: ScansStart, tracks: Sequence[ClusterTrack]) -> ClusterTrack | None:
     """The target's track from the first scan that has one; of several that with the least value."""
     chosen = start.bearing is not None or start.range is not None
     # A cluster that is alone in its scans may move with any doubt: nothing else can be the target.
@@ -73,7 +73,7 @@ def _target(scans: Scans, start: ScansStart, tracks: Sequence[OpenTrack]) -> Ope
     return None
 
 
-def _doubt(scans: Scans, one: OpenTrack, alone: bool) -> float:
+def _doubt(scans: Scans, one: ClusterTrack, alone: bool) -> float:
     """The standard error of a cluster's speed as a share of it; inf if it may stand still."""
     velocity, error = one.velocity(scans)
     speed = float(np.hypot(*velocity))
@@ -94,27 +94,26 @@ def _from_middle(scans: Scans, k: int, rows: np.ndarray, start: ScansStart) -> f
     return float(np.abs(here - there))
 
 
-def find_tracks(scans: Scans, prior: PriorShape, start: ScansStart) -> tuple[FoundTrack, ...]:
+def find_tracks(scans: Scans, prior: PriorShape, start: ScansStart) -> tuple[ClusterTrack, ...]:
     """The road users of the class that move, in the order of their first scans."""
     sizes = possible_sizes(prior)
-    kept: list[tuple[OpenTrack, int]] = []
+    kept: list[ClusterTrack] = []
     for one in follow(scans, sizes):
-        k = confirmed(scans, one)
-        if k is None:
+        one.confirmed = confirmed(scans, one)
+        if one.confirmed is None:
             continue
-        same = (i for i, (other, _) in enumerate(kept) if are_one(scans, other, one, sizes))
-        i = next(same, None)
-        if i is None:
-            kept.append((one, k))
+        same = next((other for other in kept if are_one(scans, other, one, sizes)), None)
+        if same is None:
+            kept.append(one)
         else:
-            kept[i] = _joined(kept[i][0], one), min(k, kept[i][1])
-    return tuple(
-        FoundTrack(one.rows, k, initial_state(scans, one, sizes, start)) for one, k in kept
-    )
+            same.join(one)
+    for one in kept:
+        one.initial = initial_state(scans, one, sizes, start)
+    return tuple(kept)
 
 
 def track_each(
-    found: tuple[FoundTrack, ...], scans: Scans, function: str, settings: Mapping[str, Any]
+    found: tuple[ClusterTrack, ...], scans: Scans, function: str, settings: Mapping[str, Any]
 ) -> tuple[ObjectTrack, ...]:
     """The track of each road user that is found, from its first to its last scan.
 
@@ -143,7 +142,7 @@ def track_each(
     return tuple(tracks)
 
 
-def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
+def own_scans(scans: Scans, found: ClusterTrack) -> tuple[Scans, np.ndarray]:
     """The scans from the first to the last of a road user, with its own points only.
 
     A scan without its cluster is empty. Also the rows (P,) of these points in `scans`.
@@ -157,7 +156,7 @@ def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
 
 
 def initial_state(
-    scans: Scans, one: OpenTrack, sizes: np.ndarray, start: ScansStart
+    scans: Scans, one: ClusterTrack, sizes: np.ndarray, start: ScansStart
 ) -> InitialState:
     """State one sample before the first scan of a track that is confirmed, from its first scans.
 
@@ -167,7 +166,7 @@ def initial_state(
     return state_of(scans, one.since(first), sizes, start, first)
 
 
-def are_one(scans: Scans, one: OpenTrack, other: OpenTrack, sizes: np.ndarray) -> bool:
+def are_one(scans: Scans, one: ClusterTrack, other: ClusterTrack, sizes: np.ndarray) -> bool:
     """Whether two tracks are of one road user: in their common scans both fit into its box.
 
     The box is along the last velocity of the first track. `sizes` (n, 2) m are those of the class.
@@ -180,15 +179,7 @@ def are_one(scans: Scans, one: OpenTrack, other: OpenTrack, sizes: np.ndarray) -
     return bool(np.all(fits))
 
 
-def _joined(one: OpenTrack, other: OpenTrack) -> OpenTrack:
-    """The track `one` with the clusters of `other`."""
-    rows = dict(one.rows)
-    for k, more in other.rows.items():
-        rows[k] = np.sort(np.concatenate([rows[k], more])) if k in rows else more
-    return replace(one, rows=dict(sorted(rows.items())))
-
-
-def confirmed(scans: Scans, one: OpenTrack) -> int | None:
+def confirmed(scans: Scans, one: ClusterTrack) -> int | None:
     """The first scan up to which a track moves like a road user.
 
     In `BEGIN` of its scans, one after the other, it is fast enough, and the places that it left are

@@ -154,28 +154,12 @@ class Track:
 
 
 @dataclass(frozen=True)
-class FoundTrack:
-    """A cluster of points that moves like a road user.
-
-    Attributes:
-        rows: of each scan that has the cluster, ascending, the rows (n_k,) of the scans' arrays; no
-            other track has them.
-        confirmed: the scan up to which it was followed until it was clear that it moves.
-        initial: the state one sample before the first of these scans.
-    """
-
-    rows: dict[int, np.ndarray]
-    confirmed: int
-    initial: InitialState
-
-
-@dataclass(frozen=True)
 class ObjectTrack:
     """The track of one road user.
 
     Attributes:
         first: the first of its scans.
-        confirmed: as in `FoundTrack`.
+        confirmed: the scan up to which its cluster was followed until it was clear that it moves.
         track: from the first scan to its last. `used_points` are rows of all scans' arrays.
     """
 
