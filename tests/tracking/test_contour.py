@@ -23,7 +23,7 @@ from stixel_cli.tracking.contour.contour_rays import NEAR, rays_of, sight_of
 from stixel_cli.tracking.contour.contour_report import (
     OUTLINE_STD,
     SIDEWAYS,
-    contours_of,
+    contour_of,
     reported,
 )
 from stixel_cli.tracking.contour.contour_update import (
@@ -143,16 +143,16 @@ def test_prediction_and_report_match_their_linearisations(seed):
     _, matrix, noise = predict(mean, 0.1, quiet, *size)
     assert_allclose(matrix, jacobian(lambda m: predict(m, 0.1, quiet, *size)[0], mean), atol=1e-6)
     assert np.trace(noise[:5, :5]) == 0.0
-    whole, residual = np.zeros((1, 7 + NODES, 7 + NODES)), Residual(SHAPES["car"])
+    whole, residual = np.zeros((7 + NODES, 7 + NODES)), Residual(SHAPES["car"])
 
     def state(one):
-        return np.append(one, np.zeros(NODES))[None]
+        return np.append(one, np.zeros(NODES))
 
-    slopes = jacobian(lambda one: reported(state(one), whole, residual)[0][0], mean)
-    expected, whole[0, :7, :7] = slopes @ covariance @ slopes.T, covariance
+    slopes = jacobian(lambda one: reported(state(one), whole, residual)[0], mean)
+    expected, whole[:7, :7] = slopes @ covariance @ slopes.T, covariance
     across = np.array([-np.sin(mean[2]), np.cos(mean[2])])
     expected[3:5, 3:5] += SIDEWAYS**2 * np.outer(across, across)
-    assert_allclose(reported(state(mean), whole, residual)[1][0], expected, atol=1e-6)
+    assert_allclose(reported(state(mean), whole, residual)[1], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -162,17 +162,16 @@ def test_stated_deviation_of_the_contour_is_that_of_random_states(name):
     mean = np.append([3.0, 9.0, 0.7, 2.0, 0.0, 0.05, -0.05], np.zeros(NODES))
     root = np.diag([0.02, 0.015, 0.03, 0.0, 0.0, 0.02, 0.02] + [0.03] * NODES)
     residual = Residual(shape)
-    places, std = contours_of(mean[None], (root @ root)[None], shape, 90, residual)
-    rays = places[0] - mean[:2]
+    places, std = contour_of(mean, root @ root, shape, 90, residual)
+    rays = places - mean[:2]
     random = np.random.default_rng(1)
     radii = []
     for state in mean + random.standard_normal((400, 7 + NODES)) @ root:
-        contours, _ = contours_of(state[None], (root @ root)[None], shape, 360, residual)
-        contour = contours[0] - mean[:2]
+        contour = contour_of(state, root @ root, shape, 360, residual)[0] - mean[:2]
         bearing = np.arctan2(contour[:, 1], contour[:, 0])
         wanted = np.arctan2(rays[:, 1], rays[:, 0])
         radii.append(np.interp(wanted, bearing, np.hypot(*contour.T), period=2.0 * np.pi))
-    ratio = np.std(radii, axis=0) / np.sqrt(std[0] ** 2 - OUTLINE_STD**2)
+    ratio = np.std(radii, axis=0) / np.sqrt(std**2 - OUTLINE_STD**2)
     assert 0.9 < np.median(ratio) < 1.1
     assert np.mean((ratio > 0.5) & (ratio < 1.6)) > 0.8
 

@@ -25,7 +25,7 @@ from stixel_cli.tracking.contour.contour_rays import (
     sampling_inset,
     sight_of,
 )
-from stixel_cli.tracking.contour.contour_report import contours_of, reported
+from stixel_cli.tracking.contour.contour_report import contour_of, reported
 from stixel_cli.tracking.contour.contour_update import Hypothesis, Measurement
 from stixel_cli.tracking.contour.forms import forms_of
 from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
@@ -110,11 +110,11 @@ def test_reported_centre_is_the_middle_of_the_box_and_linear_in_the_residual(see
     moved, before = residual.outline(mean), residual.outline(np.r_[mean[:7], np.zeros(NODES)])
     middle = 0.5 * (moved.max(axis=0) + moved.min(axis=0) - before.max(axis=0) - before.min(axis=0))
     root = np.diag(np.r_[np.zeros(7), np.full(NODES, 0.03)])
-    states, covariances = reported(mean[None], (root @ root)[None], residual)
-    np.testing.assert_allclose(states[0, :2], mean[:2] + rotation(0.7) @ middle)
-    slopes = jacobian(lambda m: reported(m[None], root[None], residual)[0][0, :2], mean, 1e-7)
+    state, spread = reported(mean, root @ root, residual)
+    np.testing.assert_allclose(state[:2], mean[:2] + rotation(0.7) @ middle)
+    slopes = jacobian(lambda m: reported(m, root, residual)[0][:2], mean, 1e-7)
     slopes = slopes[:, 7:]
-    np.testing.assert_allclose(covariances[0, :2, :2], 0.03**2 * slopes @ slopes.T, atol=1e-7)
+    np.testing.assert_allclose(spread[:2, :2], 0.03**2 * slopes @ slopes.T, atol=1e-7)
 
 
 def test_the_contour_is_at_even_angles_from_the_centre_that_is_reported():
@@ -122,11 +122,11 @@ def test_the_contour_is_at_even_angles_from_the_centre_that_is_reported():
     residual = Residual(SHAPE)
     mean = np.concatenate([[1.0, 9.0, 0.7, 2.0, 0.0, 0.05, -0.05], np.zeros(NODES)])
     mean[7:10] = 0.3
-    covariance = np.eye(len(mean))[None]
-    contours, _ = contours_of(mean[None], covariance, SHAPE, 90, residual)
-    centre = reported(mean[None], covariance, residual)[0][0, :2]
+    covariance = np.eye(len(mean))
+    contour, _ = contour_of(mean, covariance, SHAPE, 90, residual)
+    centre = reported(mean, covariance, residual)[0][:2]
     assert np.hypot(*(centre - mean[:2])) > 0.1
-    rays = contours[0] - centre
+    rays = contour - centre
     _, even = contour_directions(mean[2:3], 90)
     np.testing.assert_allclose(rays / np.hypot(*rays.T)[:, None], even[0], atol=1e-9)
 

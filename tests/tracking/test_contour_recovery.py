@@ -17,7 +17,7 @@ from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_rays import sight_of
 from stixel_cli.tracking.contour.contour_recovery import RECENT, clusters_of, is_inconsistent
-from stixel_cli.tracking.contour.contour_report import box_sizes
+from stixel_cli.tracking.contour.contour_report import box_size
 from stixel_cli.tracking.contour.residual import NODES, Residual
 
 WORDS = ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
@@ -137,9 +137,9 @@ def test_what_the_scans_say_of_the_size_fades():
 def test_the_box_has_room_for_the_limbs():
     """The outline of a pedestrian is that of a mean pose, the box that of all."""
     shape = class_shape("pedestrian")
-    state = np.append([0.0, 10.0, 0.3, 1.0, 0.0, 0.1, -0.1], np.zeros(NODES))[None]
-    size = (shape.size * np.exp([0.1, -0.1]))[None]
-    assert box_sizes(state, shape, Residual(shape)) == pytest.approx(size)
+    state = np.append([0.0, 10.0, 0.3, 1.0, 0.0, 0.1, -0.1], np.zeros(NODES))
+    size = shape.size * np.exp([0.1, -0.1])
+    assert box_size(state, shape, Residual(shape)) == pytest.approx(size)
     assert (np.ptp(shape.outline, axis=0) < shape.size).all()
 
 

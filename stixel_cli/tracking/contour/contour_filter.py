@@ -48,7 +48,7 @@ from stixel_cli.tracking.contour.contour_recovery import (
     rivals,
     turned,
 )
-from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_sizes, contours_of, reported
+from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_size, contour_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, Hypothesis, Measurement
 from stixel_cli.tracking.contour.residual import NODES, RESIDUAL_STD
 from stixel_cli.tracking.motion import tied_to_velocity
@@ -182,7 +182,7 @@ class ClassFilter:
     def reported(self) -> np.ndarray:
         """State (8,) after the last scan, as a track has it."""
         mean, covariance, _ = self.best.state
-        return reported(mean[None], covariance[None], self.sight.residual)[0][0]
+        return reported(mean, covariance, self.sight.residual)[0]
 
     def report(self) -> Track:
         """The track of the last scan alone, at time 0.
@@ -205,16 +205,15 @@ class ClassFilter:
 
     def described(self, mean: np.ndarray, covariance: np.ndarray) -> dict[str, np.ndarray]:
         """What a track of one scan has of a state with `mean` (d,) and `covariance` (d, d)."""
-        means, covariances, residual = mean[None], covariance[None], self.sight.residual
-        shape, points = self._shape, self._tracker.contour_points
-        states, spreads = reported(means, covariances, residual)
-        contours, stds = contours_of(means, covariances, shape, points, residual)
+        shape, residual = self._shape, self.sight.residual
+        state, spread = reported(mean, covariance, residual)
+        contour, stds = contour_of(mean, covariance, shape, self._tracker.contour_points, residual)
         return {
-            "means": states,
-            "covariances": spreads,
-            "contours_world": contours,
-            "contour_std": stds,
-            "box_sizes": box_sizes(means, shape, residual),
+            "means": state[None],
+            "covariances": spread[None],
+            "contours_world": contour[None],
+            "contour_std": stds[None],
+            "box_sizes": box_size(mean, shape, residual)[None],
         }
 
 
