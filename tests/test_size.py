@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_372
+TOTAL = 44_360
 """Greatest number of lines in all."""
 
 MODULES = 239
@@ -31,7 +31,7 @@ BUDGET = {
     "experiment": 1226,
     "export": 695,
     "geometry": 410,
-    "live": 614,
+    "live": 613,
     "machine": 185,
     "measurements": 1808,
     "pictures": 1376,
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 5731,
+    "tracking": 5720,
     "validation": 1293,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -225,15 +225,14 @@ class StixelStream:
         """Pose, size and contour of a track after the last of the `scans`."""
         from stixel_cli.trackers import Contour
         from stixel_cli.tracking.contour.class_size import SIZES
-        from stixel_cli.tracking.followed import ScansStart
-        from stixel_cli.tracking.several import initial_state
+        from stixel_cli.tracking.followed import ScansStart, state_of
 
         first = len(scans) - 1
         if one.number not in self._contours:
             # Its scans so far are used now, as it was not clear before that it moves.
             start = ScansStart(**option_values("start", "scans"))
-            initial = initial_state(scans, one, SIZES, start)
             first = min(one.rows)
+            initial = state_of(scans, one, SIZES, start, first)
             self._contours[one.number] = Contour(
                 "unknown",
                 start=initial,

@@ -218,20 +218,20 @@ def state_of(
 ) -> InitialState:
     """State one sample before the scan `first`: the class's rectangle on a cluster.
 
-    The line of centres over time gives place, direction and speed in the middle of the scans of the
-    track `one`, or of the first alone with `start.motion=sensor`; the state is moved back in time
-    at constant velocity. With several `sizes` (n, 2) m, of each possible class, it has the mean and
-    the covariance of an even mixture of their states. The standard deviations of heading and rates
-    are greater than the `STDS` where the scans do not show them.
+    The line of centres over time gives place, direction and speed in the middle of the first scans
+    of the track `one`, or of the first alone with `start.motion=sensor`; the state is moved back in
+    time at constant velocity. With several `sizes` (n, 2) m, of each possible class, it has the
+    mean and the covariance of an even mixture of their states. The standard deviations of heading
+    and rates are greater than the `STDS` where the scans do not show them.
     """
     of_sensor, sensors = start.motion == "sensor", scans.sensor_poses_world
-    ks, stds = [*one.rows][: 1 if of_sensor else None], STDS.copy()
+    ks, stds = [*one.rows][: 1 if of_sensor else LEAST_SCANS], STDS.copy()
     points = [scans.points_world[one.rows[k]] for k in ks]
     times, near = scans.times[ks], slice(max(ks[0] - 1, 0), ks[0] + 2)
     if of_sensor:
         heading, velocity = sensors[ks[0], 2], line(scans.times[near], sensors[near, :2])[1]
     else:
-        velocity, _ = one.velocity(scans)
+        velocity, _ = one.at(ks).velocity(scans)
         headed = float(np.hypot(*velocity)) >= motion.LEAST_SPEED
         heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(points)
         stds[2] = stds[2] if headed else np.sqrt(motion.GREATEST_VARIANCE)

@@ -108,7 +108,7 @@ def find_tracks(scans: Scans, prior: PriorShape, start: ScansStart) -> tuple[Clu
         else:
             same.join(one)
     for one in kept:
-        one.initial = initial_state(scans, one, sizes, start)
+        one.initial = state_of(scans, one, sizes, start, min(one.rows))
     return tuple(kept)
 
 
@@ -153,17 +153,6 @@ def own_scans(scans: Scans, found: ClusterTrack) -> tuple[Scans, np.ndarray]:
     own = scans.of_rows(rows)
     offsets = own.offsets[ks.start : ks.stop + 1]
     return replace(own, times=times, sensor_poses_world=poses, offsets=offsets), rows
-
-
-def initial_state(
-    scans: Scans, one: ClusterTrack, sizes: np.ndarray, start: ScansStart
-) -> InitialState:
-    """State one sample before the first scan of a track that is confirmed, from its first scans.
-
-    The arguments are those of `state_of`.
-    """
-    first = min(one.rows)
-    return state_of(scans, one.since(first), sizes, start, first)
 
 
 def are_one(scans: Scans, one: ClusterTrack, other: ClusterTrack, sizes: np.ndarray) -> bool:
