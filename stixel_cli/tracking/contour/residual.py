@@ -47,17 +47,17 @@ class Residual:
 
     def box_centre(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How far the residual moves the middle of the box, (2,) m; slopes (2, NODES) by it."""
-        factors = np.exp(state[5:7])
-        plain, outline = self._outline * factors, self.outline(state)
-        normals = _unit(self._normals / factors)
+        factors, outline = np.exp(state[5:7]), self.outline(state)
         shift, slopes = np.zeros(2), np.zeros((2, NODES))
         for extreme in (np.max, np.min):
             ends = extreme(outline, axis=0)
-            shift += 0.5 * (ends - extreme(plain, axis=0))
-            # Of a straight side, all of its points: which is the farthest is rounding.
-            at = np.abs(outline - ends) < 1e-6
-            weights = np.einsum("na,na,nk->ak", at, normals, self._weights)
-            slopes += 0.5 * weights / at.sum(axis=0)[:, None]
+            shift += 0.5 * (ends - extreme(self._outline, axis=0) * factors)
+            for axis, end in enumerate(ends):
+                # Of a straight side, all of its points: which is the farthest is rounding.
+                at = np.abs(outline[:, axis] - end) < 1e-6
+                normals = _unit(self._normals[at] / factors)
+                moved = normals[:, axis, None] * self._weights[at]
+                slopes[axis] += 0.5 * moved.sum(axis=0) / len(moved)
         return shift, slopes
 
 
