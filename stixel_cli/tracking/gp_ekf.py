@@ -123,6 +123,8 @@ def track(
             last = steps[-1] if steps else None
             steps.append(Step(mean, covariance, *predicted, last, transition))
 
+    if side:
+        filtered.widen_by_innovations()
     track = filtered.track(contours_of(*filtered.states, process))
     if tracker.lag != 0:
         means, covariances = smooth(steps, tracker.lag)

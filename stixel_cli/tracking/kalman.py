@@ -61,6 +61,15 @@ def _scale(covariance: np.ndarray, precision: np.ndarray) -> np.ndarray:
     return scale
 
 
+def unit_variance(nis: np.ndarray | float, degrees: np.ndarray | int) -> np.ndarray:
+    """By how much innovations are greater than a filter states, from sums up to a scan; 1 or more.
+
+    The variance of unit weight, which a covariance is multiplied by: what is wrong of a target's
+    shape is so in all scans, and makes all innovations greater. Smaller ones prove nothing.
+    """
+    return np.maximum(nis / np.maximum(degrees, 1), 1.0)
+
+
 def mixture(
     shares: np.ndarray, means: np.ndarray, covariances: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:

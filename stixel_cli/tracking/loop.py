@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.kalman import unit_variance
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.track import Track
 
@@ -75,6 +76,11 @@ class Filtered:
         if len(indices):
             self._nis[k] = nis
             self._degrees[k] = len(indices) if degrees is None else degrees
+
+    def widen_by_innovations(self) -> None:
+        """Multiply each covariance by the `unit_variance` of the scans up to it."""
+        sums = np.nancumsum(self._nis), np.cumsum(self._degrees)
+        self.states[1][:] *= unit_variance(*sums)[:, None, None]
 
     def track(
         self,

@@ -152,7 +152,9 @@ class ClassFilter:
         indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight)
         # Only smoothing looks back; a filter without it keeps no chain of all its scans.
         before = None if self._tracker.lag == 0 else one
-        prior = Hypothesis(prediction, one.log_likelihood, before=before, transition=matrix)
+        prior = Hypothesis(
+            prediction, one.log_likelihood, sums=one.sums, before=before, transition=matrix
+        )
         if not len(indices):
             return prior
         return Measurement(rays, indices, self.sight, self._tracker).update(prior)

@@ -11,7 +11,12 @@ from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, sampling_inset
 from stixel_cli.tracking.contour.ray_kernels import NEAR, OUTLINE_STD, Measured, Rows, rows_at
-from stixel_cli.tracking.kalman import Step, correct, normalised_innovation_squared
+from stixel_cli.tracking.kalman import (
+    Step,
+    correct,
+    normalised_innovation_squared,
+    unit_variance,
+)
 
 SEEN = np.array([0, 1, 2, 5, 6])
 """Indices of the states that a ray sees: the pose and the two sizes."""
@@ -45,6 +50,8 @@ class Hypothesis:
     nis: float = np.nan
     degrees: int = 0
     """`nis`, `degrees`: of the scan; NaN and 0 without points."""
+    sums: tuple[float, int] = (0.0, 0)
+    """NIS and degrees of freedom of all scans."""
     missed: float = 0.0
     """Log odds against the scan's rays that pass by the shape, at most `CLUTTER` each. They count
     between places of one class, and not between classes, whose sizes may be wrong."""
@@ -59,7 +66,7 @@ class Hypothesis:
     def stated(self) -> np.ndarray:
         """(d, d) covariance of the error of the mean."""
         joint = self.state[2]
-        return joint.matrix[: joint.size, : joint.size]
+        return unit_variance(*self.sums) * joint.matrix[: joint.size, : joint.size]
 
     @cached_property
     def step(self) -> Step:
@@ -179,6 +186,7 @@ class Measurement:
             indices=self._indices,
             nis=nis,
             degrees=len(used),
+            sums=(prior.sums[0] + nis, prior.sums[1] + len(used)),
             missed=float(np.minimum(0.5 * missed, CLUTTER).sum()),
             prior=prior,
         )
