@@ -72,7 +72,7 @@ class ClassBank:
 
     A filter tracks the target until the scans rule its class out. If the prior's class is
     `unknown`, each scan reports the most probable class. A known class is reported until the scans
-    contradict it; if they do not, the others change nothing.
+    contradict it; until then the others change how certain the track is, and no estimate.
     """
 
     def __init__(
