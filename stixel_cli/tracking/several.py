@@ -31,7 +31,7 @@ FREE = 4.0
 KITTI's clip 0005 has a false track."""
 
 ACROSS = 0.5
-"""A ray passes a place at this distance, m. With 0.7 there is a false track."""
+"""A place that no ray passes this near, m, is free. With 0.7 there is a false track."""
 
 
 def start_from_scans(scans: Scans, start: ScansStart, prior: PriorShape) -> InitialState:
