@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 44_387
+TOTAL = 44_386
 """Greatest number of lines in all."""
 
 MODULES = 239
@@ -44,7 +44,7 @@ BUDGET = {
     "stixels": 2027,
     "studies": 1611,
     "sweeps": 1987,
-    "tracking": 5747,
+    "tracking": 5746,
     "validation": 1293,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -102,11 +102,11 @@ def find_tracks(scans: Scans, prior: PriorShape, start: ScansStart) -> tuple[Clu
         one.confirmed = confirmed(scans, one)
         if one.confirmed is None:
             continue
-        same = next((other for other in kept if are_one(scans, other, one, sizes)), None)
-        if same is None:
-            kept.append(one)
+        known = next((other for other in kept if are_one(scans, other, one, sizes)), None)
+        if known:
+            known.join(one)
         else:
-            same.join(one)
+            kept.append(one)
     for one in kept:
         one.initial = state_of(scans, one, sizes, start, min(one.rows))
     return tuple(kept)

@@ -119,22 +119,23 @@ class ClassBank:
         for one in self._kept.values():
             if one is not leader:
                 one.step(interval, rays)
-        spread = self._choose()
+        likelihoods = {
+            key: -1e9 if _is_far(one) else one.log_weight for key, one in self._kept.items()
+        }
+        self._choose(likelihoods)
+        spread = self._spread(np.array([*likelihoods.values()]))
         one = self._kept[self._chosen[-1]]
         self._kept = not_ruled_out(self._kept, self._own)
         if self._lag != 0:
             self._steps.append((one, one.best))
         return replace(widened(one.report(), spread), **self._classes(slice(-1, None)))
 
-    def _choose(self) -> np.ndarray:
-        """Choose which filter is reported at this scan; returns `_spread`.
+    def _choose(self, likelihoods: Mapping[Key, float]) -> None:
+        """Choose which filter is reported at this scan.
 
         An outline that the user states is believed until the scans contradict it, and that the
         target is of no known class once they contradict all classes.
         """
-        likelihoods = {
-            key: -1e9 if _is_far(one) else one.log_weight for key, one in self._kept.items()
-        }
         odds = {"outline": CONTRADICTED, "free": -CONTRADICTED}
         weights = {key: one + odds.get(key[1], 0.0) for key, one in likelihoods.items()}
         of_class = dict[str, float]()
@@ -145,13 +146,11 @@ class ClassBank:
             self._assumed = None
         self._chosen.append(max((key for key in weights if key[0] == name), key=weights.get))
         self._log_weights.append(of_class)
-        return self._spread(np.array([*likelihoods.values()]))
 
     def _spread(self, log_likelihoods: np.ndarray) -> np.ndarray:
         """How far the filters are from the reported one, as probable as they are: (1, 8, 8).
 
-        Without the odds: they say what is reported, and a wrong form is reported until they are
-        reached.
+        The odds do not count here: they delay what is reported, not what is known.
         """
         shares = np.exp(log_likelihoods - np.logaddexp.reduce(log_likelihoods))
         states = {key: one.reported for key, one in self._kept.items()}
@@ -178,12 +177,12 @@ class ClassBank:
         means, covariances = smooth([one.step for _, one in self._steps], self._lag)
         last, described = len(means) - 1, []
         for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
-            then = self._steps[last if self._lag is None else min(k + self._lag, last)][0]
+            reporter, _ = self._steps[last if self._lag is None else min(k + self._lag, last)]
             # Smoothing leaves the same share of the stated covariance as of the gain's.
             one = self._steps[k][1]
             share = np.diag(one.stated) / np.maximum(np.diag(one.state[1]), 1e-12)
             scale = np.sqrt(np.maximum(share, 0.0))
-            described.append(then.described(mean, np.outer(scale, scale) * covariance))
+            described.append(reporter.described(mean, np.outer(scale, scale) * covariance))
         of_all = {name: np.concatenate([one[name] for one in described]) for name in described[0]}
         return replace(track, **of_all, lag=self._lag)
 
